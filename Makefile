@@ -25,7 +25,7 @@ ALL_CXXFLAGS = -std=c++17 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -fPIC -fvisibility=h
                $(shell pkg-config --cflags eigen3 2>/dev/null | sed 's/-I/-isystem /g') $(SAN_FLAGS) $(CXXFLAGS)
 ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 
-KERNELS     = $(sort $(wildcard opencl/*.cl))
+KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard lib/*.c lib/*.cpp)) $(BUILD)/kernels.o
 DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard drivers/*.c))
 CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard examples/cli/*.c))

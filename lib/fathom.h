@@ -205,7 +205,7 @@ FATHOM_API fathom_config fathom_config_default(void);
 
 /* ---- memory and life --------------------------------------------------------------------------------------------- */
 
-#define FATHOM_ALIGNMENT 64 /* of the block; malloc's alignment will do too: the size includes the padding */
+#define FATHOM_ALIGNMENT 128 /* of the block; an unaligned one will do too: the size includes the padding */
 
 typedef struct {
     int64_t host_bytes;   /* size of the block fathom_init needs */

@@ -1,0 +1,164 @@
+/* Depth maps: metric depth at the alignment's size, edge-preserving smoothing, pyramid, normals and confidence. */
+
+typedef struct {
+    float fx, fy, cx, cy;          /* of the depth frame */
+    float k1, k2, p1, p2, k3;      /* Brown-Conrady distortion */
+    int distorted;
+    int width, height;             /* of the depth frame */
+    int factor;                    /* depth size / map size */
+    float metres_per_unit;
+    float min_m, max_m;
+} depth_source;
+
+inline float source_depth(global const ushort *raw, depth_source s, int x, int y) {
+    if (s.distorted) { /* where the ideal pinhole's pixel lies in the real picture */
+        float u = ((float)x - s.cx) / s.fx, v = ((float)y - s.cy) / s.fy;
+        float r2 = u * u + v * v;
+        float radial = 1.0f + r2 * (s.k1 + r2 * (s.k2 + r2 * s.k3));
+        float ud = u * radial + 2.0f * s.p1 * u * v + s.p2 * (r2 + 2.0f * u * u);
+        float vd = v * radial + s.p1 * (r2 + 2.0f * v * v) + 2.0f * s.p2 * u * v;
+        float px = ud * s.fx + s.cx, py = vd * s.fy + s.cy;
+        if (!(px > -0.5f && py > -0.5f && px < (float)s.width - 0.5f && py < (float)s.height - 0.5f)) return 0.0f;
+        x = convert_int_rtn(px + 0.5f);
+        y = convert_int_rtn(py + 0.5f);
+    }
+    ushort v = raw[y * s.width + x];
+    if (v == 0 || v == 65535) return 0.0f;
+    float z = (float)v * s.metres_per_unit;
+    return z >= s.min_m && z <= s.max_m ? z : 0.0f;
+}
+
+/* Metric depth, averaged over factor x factor pixels as far as they belong to the nearest surface among them.
+ * Global size: width, height of the map. */
+kernel void convert_depth(global const ushort *raw, depth_source s, camera c, float2 noise, global float *depth) {
+    int x = get_global_id(0), y = get_global_id(1);
+    float nearest = INFINITY;
+    for (int j = 0; j < s.factor; j++)
+        for (int i = 0; i < s.factor; i++) {
+            float z = source_depth(raw, s, x * s.factor + i, y * s.factor + j);
+            if (z > 0.0f) nearest = fmin(nearest, z);
+        }
+    float band = nearest + 4.0f * depth_sigma(noise, nearest) + 0.005f * nearest;
+    float sum = 0.0f, count = 0.0f;
+    for (int j = 0; j < s.factor; j++)
+        for (int i = 0; i < s.factor; i++) {
+            float z = source_depth(raw, s, x * s.factor + i, y * s.factor + j);
+            if (z > 0.0f && z <= band) {
+                sum += z;
+                count += 1.0f;
+            }
+        }
+    depth[AT(c, x, y)] = count > 0.0f ? sum / count : 0.0f;
+}
+
+/* Edge-preserving smoothing over 5x5 pixels: weights fall with the distance in the image (binomial) and with the
+ * difference of depth in units of its noise (Tukey's biweight, which is zero beyond `reach` sigma and needs no exp).
+ * Global size: groups of eight pixels a row, height. */
+kernel void smooth_depth(global const float *depth, camera c, float2 noise, float reach, global float *smooth) {
+    int x = get_global_id(0) * 8, y = get_global_id(1);
+    int i = AT(c, x, y);
+    float8 z = vload8(0, depth + i);
+    float8 d = z - 0.4f;
+    float8 inverse = 1.0f / (reach * (noise.x + noise.y * d * d));
+    float8 sum = 0.0f, weights = 0.0f;
+    const float binomial[5] = {1.0f, 4.0f, 6.0f, 4.0f, 1.0f};
+    for (int dy = -2; dy <= 2; dy++)
+        for (int dx = -2; dx <= 2; dx++) {
+            float8 v = vload8(0, depth + i + dy * c.pitch + dx);
+            float8 e = (v - z) * inverse;
+            float8 w = fmax(1.0f - e * e, 0.0f);
+            w = w * w * (binomial[dy + 2] * binomial[dx + 2]);
+            w = select(w, (float8)(0.0f), v == 0.0f);
+            sum += w * v;
+            weights += w;
+        }
+    float8 result = select(sum / weights, (float8)(0.0f), z == 0.0f);
+    float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
+    result = select(result, (float8)(0.0f), lane >= (float)(c.width - x)); /* the margin stays zero */
+    vstore8(result, 0, smooth + i);
+}
+
+/* The next coarser depth: 2x2 pixels averaged as far as they belong to the nearest surface among them.
+ * Global size: width, height of the coarser map. */
+kernel void halve_depth(global const float *fine, camera f, camera c, float2 noise, global float *coarse) {
+    int x = get_global_id(0), y = get_global_id(1);
+    int i = AT(f, 2 * x, 2 * y);
+    float4 z = (float4)(fine[i], fine[i + 1], fine[i + f.pitch], fine[i + f.pitch + 1]);
+    float4 known = select((float4)(INFINITY), z, z > 0.0f);
+    float nearest = fmin(fmin(known.x, known.y), fmin(known.z, known.w));
+    float band = nearest + 4.0f * depth_sigma(noise, nearest) + 0.01f * nearest;
+    float4 keep = select((float4)(0.0f), (float4)(1.0f), known <= band && known < INFINITY);
+    float count = keep.x + keep.y + keep.z + keep.w;
+    coarse[AT(c, x, y)] = count > 0.0f ? dot(keep, z) / count : 0.0f;
+}
+
+/* Normals from differences of the neighbours' vertices, in camera axes and towards the camera; and each pixel's
+ * confidence, the weight of Section 2: the depth's inverse variance relative to that at 1 m ("distance"), lowered where
+ * the surface bends from pixel to pixel ("normal variation"). Four planes: nx, ny, nz, confidence; all zero: no normal.
+ * Global size: groups of eight pixels a row, height. */
+kernel void normal_map(global const float *depth, camera c, float2 noise, global float *normals) {
+    int x = get_global_id(0) * 8, y = get_global_id(1);
+    int i = AT(c, x, y);
+    float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
+    float8 z = vload8(0, depth + i);
+    float8 left = vload8(0, depth + i - 1), right = vload8(0, depth + i + 1);
+    float8 up = vload8(0, depth + i - c.pitch), down = vload8(0, depth + i + c.pitch);
+    float8 d = z - 0.4f;
+    float8 sigma = noise.x + noise.y * d * d;
+    /* a step to a neighbour across an edge is not a slope: allow what a surface at 75 degrees makes, and noise */
+    float8 limit = 4.0f * sigma + 4.0f * z / c.fx;
+    int8 l = left > 0.0f && fabs(left - z) < limit, r = right > 0.0f && fabs(right - z) < limit;
+    int8 u = up > 0.0f && fabs(up - z) < limit, b = down > 0.0f && fabs(down - z) < limit;
+    float8 za = select(z, left, l), zb = select(z, right, r), zc = select(z, up, u), zd = select(z, down, b);
+    float8 wide = select((float8)(0.0f), (float8)(1.0f), r) + select((float8)(0.0f), (float8)(1.0f), l);
+    float8 tall = select((float8)(0.0f), (float8)(1.0f), b) + select((float8)(0.0f), (float8)(1.0f), u);
+    int8 valid = z > 0.0f && wide > 0.0f && tall > 0.0f && lane < (float)(c.width - x);
+    float8 gx = (zb - za) / wide, gy = (zd - zc) / tall; /* slope of the depth, metres a pixel */
+    /* (dP/du) x (dP/dv) for P = ((u - cx) z / fx, (v - cy) z / fy, z), up to a positive factor, pointing to the camera */
+    float8 px = (float)x + lane - c.cx;
+    float py = (float)y - c.cy;
+    float8 nx = c.fx * gx, ny = c.fy * gy, nz = -(z + px * gx + py * gy);
+    float8 inverse = 1.0f / sqrt(nx * nx + ny * ny + nz * nz);
+    float8 bend_x = select((float8)(0.0f), left + right - 2.0f * z, l && r);
+    float8 bend_y = select((float8)(0.0f), up + down - 2.0f * z, u && b);
+    float8 bend = (bend_x * bend_x + bend_y * bend_y) / (sigma * sigma);
+    float8 edge = select((float8)(0.25f), (float8)(1.0f), l && r && u && b);
+    float sigma_1m = depth_sigma(noise, 1.0f);
+    float8 confidence = edge * sigma_1m * sigma_1m / (sigma * sigma * (1.0f + bend));
+    vstore8(select((float8)(0.0f), nx * inverse, valid), 0, normals + i);
+    vstore8(select((float8)(0.0f), ny * inverse, valid), 0, normals + c.plane + i);
+    vstore8(select((float8)(0.0f), nz * inverse, valid), 0, normals + 2 * c.plane + i);
+    vstore8(select((float8)(0.0f), confidence, valid), 0, normals + 3 * c.plane + i);
+}
+
+/* A frame's maps in the model's form (normal, depth), so that the next frame can be aligned with it.
+ * Global size: width, height. */
+kernel void pack_map(global const float *depth, global const float *normals, camera c, global float4 *model) {
+    int x = get_global_id(0), y = get_global_id(1);
+    int i = AT(c, x, y);
+    float3 n = (float3)(normals[i], normals[c.plane + i], normals[2 * c.plane + i]);
+    model[y * c.width + x] = (float4)(n, dot(n, n) > 0.0f ? depth[i] : 0.0f);
+}
+
+/* The next coarser model map: of 2x2 pixels those near the nearest one are averaged.
+ * Global size: width, height of the coarser map. */
+kernel void halve_map(global const float4 *fine, camera f, camera c, global float4 *coarse) {
+    int x = get_global_id(0), y = get_global_id(1);
+    float nearest = INFINITY;
+    for (int k = 0; k < 4; k++) {
+        float z = fine[(2 * y + (k >> 1)) * f.width + 2 * x + (k & 1)].w;
+        if (z > 0.0f) nearest = fmin(nearest, z);
+    }
+    float4 sum = 0.0f;
+    float count = 0.0f;
+    for (int k = 0; k < 4; k++) {
+        float4 m = fine[(2 * y + (k >> 1)) * f.width + 2 * x + (k & 1)];
+        if (m.w > 0.0f && m.w <= nearest * 1.02f + 0.01f) {
+            sum += m;
+            count += 1.0f;
+        }
+    }
+    float length2 = dot(sum.xyz, sum.xyz);
+    coarse[y * c.width + x] =
+        count > 0.0f && length2 > 0.01f ? (float4)(sum.xyz * rsqrt(length2), sum.w / count) : (float4)(0.0f);
+}

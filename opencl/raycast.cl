@@ -1,0 +1,163 @@
+/* Ray-cast of the surface to model maps (Newcombe et al. 2011, "KinectFusion", Section 3.3), over the hashed blocks. */
+
+typedef struct {
+    float voxel, truncation;  /* metres */
+    uint mask;                /* of the hash table */
+    float min_weight;         /* voxels below count as never seen; in stored units */
+} surface;
+
+/* A voxel's stored distance in truncations, or NAN where it was never seen. *last, *place: the block looked up last. */
+inline float voxel_at(global const short *voxels, global const int4 *table, surface f, int3 i, int3 *last, int *place) {
+    int3 b = i >> 3;
+    if (any(b != *last)) {
+        *last = b;
+        *place = find_block(table, f.mask, b);
+    }
+    if (*place < 0) return NAN;
+    global const short *block = voxels + (size_t)*place * 2 * BLOCK_VOXELS;
+    int at = ((i.z & 7) * 8 + (i.y & 7)) * 8 + (i.x & 7);
+    float weight = (float)((global const ushort *)block)[BLOCK_VOXELS + at];
+    return weight > f.min_weight ? (float)block[at] / TSDF_ONE : NAN;
+}
+
+/* Trilinear interpolation at p, in voxels; NAN if one of the eight was never seen. */
+inline float distance_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
+                         int *place) {
+    int3 i = convert_int3_rtn(p);
+    float3 t = p - convert_float3(i);
+    float c[8];
+    for (int k = 0; k < 8; k++)
+        c[k] = voxel_at(voxels, table, f, i + (int3)(k & 1, (k >> 1) & 1, k >> 2), last, place);
+    float a = mix(mix(c[0], c[1], t.x), mix(c[2], c[3], t.x), t.y);
+    float b = mix(mix(c[4], c[5], t.x), mix(c[6], c[7], t.x), t.y);
+    return mix(a, b, t.z);
+}
+
+/* The gradient by central differences one voxel wide. NAN where it can't be had. */
+inline float3 gradient_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
+                          int *place) {
+    float3 g;
+    g.x = distance_at(voxels, table, f, p + (float3)(1, 0, 0), last, place) -
+          distance_at(voxels, table, f, p - (float3)(1, 0, 0), last, place);
+    g.y = distance_at(voxels, table, f, p + (float3)(0, 1, 0), last, place) -
+          distance_at(voxels, table, f, p - (float3)(0, 1, 0), last, place);
+    g.z = distance_at(voxels, table, f, p + (float3)(0, 0, 1), last, place) -
+          distance_at(voxels, table, f, p - (float3)(0, 0, 1), last, place);
+    return g;
+}
+
+/* Nearest and farthest depth of any block for each tile of TILE x TILE pixels, so that rays start close to the surface.
+ * ranges: two ints a tile, the bits of positive floats, which sort as integers do. First clear_ranges (global size:
+ * tiles), then range_blocks (global size: blocks in use). Minimum and maximum don't depend on the order of threads. */
+kernel void clear_ranges(global int *ranges) {
+    int i = get_global_id(0);
+    ranges[2 * i] = as_int(INFINITY);
+    ranges[2 * i + 1] = 0;
+}
+
+kernel void range_blocks(global const int4 *blocks, camera c, rigid world_to_camera, float voxel, float near_m,
+                         float far_m, global int *ranges) {
+    int4 b = blocks[get_global_id(0)];
+    float edge = voxel * BLOCK_EDGE;
+    float3 o = transform(world_to_camera, convert_float3(b.xyz) * edge);
+    /* samples lie at 0..7 voxels, but the surface between the blocks belongs to both: half a voxel more on each side */
+    float3 ex = edge * (float3)(world_to_camera.x.x, world_to_camera.y.x, world_to_camera.z.x);
+    float3 ey = edge * (float3)(world_to_camera.x.y, world_to_camera.y.y, world_to_camera.z.y);
+    float3 ez = edge * (float3)(world_to_camera.x.z, world_to_camera.y.z, world_to_camera.z.z);
+    float nearest = INFINITY, farthest = 0.0f;
+    float2 low = INFINITY, high = -INFINITY;
+    for (int k = 0; k < 8; k++) {
+        float3 p = o + ex * (float)(k & 1) + ey * (float)((k >> 1) & 1) + ez * (float)(k >> 2);
+        nearest = fmin(nearest, p.z);
+        farthest = fmax(farthest, p.z);
+        float z = fmax(p.z, 0.05f);
+        float2 pixel = (float2)(p.x / z * c.fx + c.cx, p.y / z * c.fy + c.cy);
+        low = fmin(low, pixel);
+        high = fmax(high, pixel);
+    }
+    if (farthest < near_m || nearest > far_m) return;
+    if (!(high.x > -1.0f && high.y > -1.0f && low.x < (float)c.width && low.y < (float)c.height)) return;
+    int tiles_x = (c.width + TILE - 1) / TILE;
+    int x0 = convert_int_rtn(fmax(low.x - 1.0f, 0.0f)) / TILE, y0 = convert_int_rtn(fmax(low.y - 1.0f, 0.0f)) / TILE;
+    int x1 = convert_int_rtn(fmin(high.x + 1.0f, (float)(c.width - 1))) / TILE;
+    int y1 = convert_int_rtn(fmin(high.y + 1.0f, (float)(c.height - 1))) / TILE;
+    int near_bits = as_int(fmax(nearest - 2.0f * voxel, near_m)), far_bits = as_int(fmin(farthest + 2.0f * voxel, far_m));
+    for (int y = y0; y <= y1; y++)
+        for (int x = x0; x <= x1; x++) {
+            volatile global int *range = ranges + 2 * (y * tiles_x + x);
+            if (near_bits < range[0]) atomic_min(range, near_bits);
+            if (far_bits > range[1]) atomic_max(range + 1, far_bits);
+        }
+}
+
+/* One ray a pixel: from block to block where there are none, by the stored distance where there are, to the first change
+ * from outside to inside; there the distance is interpolated between voxels and the crossing found by regula falsi.
+ * model: normal in camera axes, towards the camera, and depth; zero where nothing was met. Global size: width, height. */
+kernel void raycast(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
+                    global const int *ranges, global float4 *model) {
+    int x = get_global_id(0), y = get_global_id(1);
+    int tile = y / TILE * ((c.width + TILE - 1) / TILE) + x / TILE;
+    float t = as_float(ranges[2 * tile]), end = as_float(ranges[2 * tile + 1]);
+    float3 ray = rotate_vector(pose, (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f));
+    float3 origin = (float3)(pose.x.w, pose.y.w, pose.z.w) / f.voxel;
+    float3 step = ray / f.voxel; /* voxels a metre of depth */
+    float speed = length(step);
+    float3 inverse = 1.0f / step;
+    float one_voxel = 1.0f / speed;
+    int3 last = (int3)(INT_MAX);
+    int place = -1;
+    float previous = -1.0f, previous_t = t; /* a ray starts "inside": a back side is passed through */
+    float4 result = 0.0f;
+    while (t < end) {
+        float3 p = origin + step * t;
+        int3 i = convert_int3_rtn(p + 0.5f);
+        float d = voxel_at(voxels, table, f, i, &last, &place);
+        if (place < 0) { /* to the block's far side */
+            float3 low = convert_float3(last << 3) - 0.5f;
+            float3 out = select(low, low + 8.0f, step > 0.0f);
+            float3 ways = (out - p) * inverse;
+            ways = select((float3)(INFINITY), ways, fabs(step) > 1e-6f);
+            t += fmax(fmin(fmin(ways.x, ways.y), ways.z), 0.0f) + 0.05f * one_voxel;
+            previous = -1.0f;
+            continue;
+        }
+        if (isnan(d)) {
+            previous = -1.0f;
+            t += one_voxel;
+            continue;
+        }
+        if (fabs(d) < 0.8f) { /* near the surface: between the voxels */
+            float fine = distance_at(voxels, table, f, p, &last, &place);
+            if (!isnan(fine)) d = fine;
+        }
+        if (d <= 0.0f && previous > 0.0f) {
+            float a = previous_t, b = t, fa = previous, fb = d;
+            float hit = a + (b - a) * fa / (fa - fb);
+            for (int k = 0; k < 2; k++) {
+                float fm = distance_at(voxels, table, f, origin + step * hit, &last, &place);
+                if (isnan(fm)) break;
+                if (fm > 0.0f) {
+                    a = hit;
+                    fa = fm;
+                } else {
+                    b = hit;
+                    fb = fm;
+                }
+                hit = a + (b - a) * fa / (fa - fb);
+            }
+            float3 n = gradient_at(voxels, table, f, origin + step * hit, &last, &place);
+            float length2 = dot(n, n);
+            if (length2 > 1e-8f) { /* false for NAN */
+                n = rotate_back(pose, n * rsqrt(length2));
+                if (n.x * ((float)x - c.cx) / c.fx + n.y * ((float)y - c.cy) / c.fy + n.z < 0.0f)
+                    result = (float4)(n, hit);
+            }
+            break;
+        }
+        previous = d;
+        previous_t = t;
+        /* the stored distance is along the ray of some camera: at most the true one times what slant makes of it */
+        t += fmax(0.6f * fabs(d) * f.truncation / f.voxel, 0.7f) * one_voxel;
+    }
+    model[y * c.width + x] = result;
+}

@@ -1,0 +1,103 @@
+/* The surface as a truncated signed distance in hashed blocks of 8x8x8 voxels (Curless and Levoy 1996; Niessner et al.
+ * 2013, "Real-time 3D reconstruction at scale using voxel hashing").
+ *
+ * A block is 512 distances (short, TSDF_ONE a truncation, positive in front of the surface) and then 512 weights (ushort,
+ * WEIGHT_ONE for one observation at 1 m; 0: never seen), x fastest. Voxel i stands at i * voxel metres in the world. */
+
+#define WEIGHT_ONE 64.0f
+
+#define TILE_SLOTS 64 /* requests a tile may make */
+
+/* Which blocks near the scan's surface are not there yet? Each tile of pixels walks its rays through the truncation band
+ * and lists the missing blocks it meets, each once, in its own slots: no atomics, so nothing depends on the order of
+ * threads. Tiles overlap in what they ask for; the host sorts and drops doubles. A tile with more than TILE_SLOTS asks
+ * for the rest in the next frame. Global size: tiles. requests: TILE_SLOTS int4 a tile; counts: one int a tile. */
+kernel void request_blocks(global const float *depth, camera c, rigid pose, float block_m, float truncation,
+                           global const int4 *table, uint mask, global int4 *requests, global int *counts) {
+    int tile = get_global_id(0), tiles_x = (c.width + TILE - 1) / TILE;
+    int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
+    global int4 *slots = requests + tile * TILE_SLOTS;
+    int count = 0;
+    int3 last = (int3)(INT_MAX);
+    float3 origin = (float3)(pose.x.w, pose.y.w, pose.z.w);
+    float inverse = 1.0f / block_m;
+    for (int y = y0; y < min(y0 + TILE, c.height); y++)
+        for (int x = x0; x < min(x0 + TILE, c.width); x++) {
+            float z = depth[AT(c, x, y)];
+            if (z == 0.0f) continue;
+            float3 ray = rotate_vector(pose, (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f));
+            float reach = truncation * rsqrt(dot(ray, ray));
+            float3 from = (origin + ray * (z - reach)) * inverse, to = (origin + ray * (z + reach)) * inverse;
+            float3 way = to - from;
+            int steps = convert_int_rtp(fmax(fmax(fabs(way.x), fabs(way.y)), fabs(way.z)) * 2.0f);
+            for (int k = 0; k <= steps; k++) {
+                /* the voxels around a point reach half a voxel below it: a block owns [8i, 8i + 8) samples */
+                int3 b = convert_int3_rtn(from + way * ((float)k / (float)max(steps, 1)));
+                if (all(b == last)) continue;
+                last = b;
+                if (count == TILE_SLOTS) continue;
+                bool known = false;
+                for (int j = count - 1; j >= 0 && !known; j--)
+                    known = slots[j].x == b.x && slots[j].y == b.y && slots[j].z == b.z;
+                if (!known && find_block(table, mask, b) < 0) slots[count++] = (int4)(b, 0);
+            }
+        }
+    counts[tile] = count;
+}
+
+/* Fuses a frame into the blocks in view (Curless and Levoy 1996, eq. 1 and 2): a running average of the distance along
+ * the ray, weighted by the depth's inverse variance. Rows of eight voxels at once. Global size: blocks in use. */
+kernel void fuse_blocks(global const float *depth, camera c, float2 noise, rigid world_to_camera, float voxel,
+                        float truncation, float max_weight, global const int4 *blocks, global short *voxels) {
+    int index = get_global_id(0);
+    int4 b = blocks[index];
+    float3 corner = convert_float3(b.xyz * BLOCK_EDGE) * voxel;
+    float3 o = transform(world_to_camera, corner);
+    float3 ex = voxel * (float3)(world_to_camera.x.x, world_to_camera.y.x, world_to_camera.z.x);
+    float3 ey = voxel * (float3)(world_to_camera.x.y, world_to_camera.y.y, world_to_camera.z.y);
+    float3 ez = voxel * (float3)(world_to_camera.x.z, world_to_camera.y.z, world_to_camera.z.z);
+    /* out of view? a sphere about the block against the frustum */
+    float radius = 3.5f * 1.7320508f * voxel;
+    float3 m = o + 3.5f * (ex + ey + ez);
+    if (m.z < -radius) return;
+    float far_z = fmax(m.z, 0.0f);
+    float side_x = radius * sqrt(c.fx * c.fx + c.cx * c.cx) * 2.0f, side_y = radius * sqrt(c.fy * c.fy + c.cy * c.cy) * 2.0f;
+    if (m.x * c.fx + c.cx * far_z < -side_x || m.x * c.fx + (c.cx - (float)c.width) * far_z > side_x) return;
+    if (m.y * c.fy + c.cy * far_z < -side_y || m.y * c.fy + (c.cy - (float)c.height) * far_z > side_y) return;
+
+    global short *distances = voxels + (size_t)index * 2 * BLOCK_VOXELS;
+    global ushort *weights = (global ushort *)(distances + BLOCK_VOXELS);
+    float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
+    float sigma_1m = depth_sigma(noise, 1.0f);
+    for (int k = 0; k < BLOCK_EDGE * BLOCK_EDGE; k++) {
+        float3 p0 = o + ey * (float)(k & 7) + ez * (float)(k >> 3);
+        float8 pz = p0.z + ex.z * lane;
+        int8 valid = pz > 0.1f;
+        if (!any(valid)) continue;
+        float8 iz = 1.0f / select((float8)(1.0f), pz, valid);
+        float8 px = p0.x + ex.x * lane, py = p0.y + ex.y * lane;
+        float8 rx = px * iz, ry = py * iz;
+        float8 u = rx * c.fx + c.cx + 0.5f, v = ry * c.fy + c.cy + 0.5f;
+        valid = valid && u >= 0.0f && v >= 0.0f && u < (float)c.width && v < (float)c.height;
+        if (!any(valid)) continue;
+        int8 ui = convert_int8_rtn(select((float8)(0.0f), u, valid));
+        int8 vi = convert_int8_rtn(select((float8)(0.0f), v, valid));
+        int8 at = (vi + PAD_Y) * c.pitch + ui + PAD_X;
+        float8 d = (float8)(depth[at.s0], depth[at.s1], depth[at.s2], depth[at.s3], depth[at.s4], depth[at.s5],
+                            depth[at.s6], depth[at.s7]);
+        /* along the ray, not along the axis */
+        float8 s = (d - pz) * sqrt(1.0f + rx * rx + ry * ry);
+        valid = valid && d > 0.0f && s > -truncation;
+        if (!any(valid)) continue;
+        float8 e = d - 0.4f;
+        float8 sigma = noise.x + noise.y * e * e;
+        float8 w = WEIGHT_ONE * sigma_1m * sigma_1m / (sigma * sigma);
+        w = clamp(rint(w), 1.0f, 4.0f * WEIGHT_ONE);
+        float8 old_d = convert_float8(vload8(k, distances)), old_w = convert_float8(vload8(k, weights));
+        float8 sum = old_w + w;
+        float8 mean = (old_d * old_w + fmin(s / truncation, 1.0f) * TSDF_ONE * w) / sum;
+        float8 new_w = fmin(sum, max_weight * WEIGHT_ONE);
+        vstore8(convert_short8_sat_rte(select(old_d, mean, valid)), k, distances);
+        vstore8(convert_ushort8_sat_rte(select(old_w, new_w, valid)), k, weights);
+    }
+}
