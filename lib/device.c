@@ -269,11 +269,7 @@ void device_buffer_make(device *d, arena *a, size_t size, device_buffer *buffer)
     cl_int e;
     cl_mem_flags flags = CL_MEM_READ_WRITE | (d->buffers_in_block ? CL_MEM_USE_HOST_PTR : CL_MEM_ALLOC_HOST_PTR);
     buffer->memory = clCreateBuffer(d->context, flags, size, buffer->host, &e);
-    if (!buffer->memory) {
-        failed(d, "making a buffer", e);
-        return;
-    }
-    device_fill_zero(d, buffer, size);
+    if (!buffer->memory) failed(d, "making a buffer", e);
 }
 
 void device_buffer_free(device_buffer *buffer) {
@@ -294,9 +290,10 @@ void device_unmap(device *d, device_buffer *buffer, void *mapped) {
     if (e != CL_SUCCESS) failed(d, "unmapping a buffer", e);
 }
 
-void device_fill_zero(device *d, device_buffer *buffer, size_t bytes) {
+void device_clear(device *d, device_buffer *buffer) {
+    if (!buffer->memory) return;
     cl_int zero = 0;
-    cl_int e = clEnqueueFillBuffer(d->queue, buffer->memory, &zero, sizeof zero, 0, bytes, 0, NULL, NULL);
+    cl_int e = clEnqueueFillBuffer(d->queue, buffer->memory, &zero, sizeof zero, 0, buffer->size, 0, NULL, NULL);
     if (e != CL_SUCCESS) failed(d, "clearing a buffer", e);
 }
 

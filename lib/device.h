@@ -44,7 +44,7 @@ int device_choose(device *d, const fathom_config *config);
 int device_open(device *d);
 void device_close(device *d);
 
-/* Plans a buffer, and makes it when the device is open: in the arena or on the device. Zero-filled. */
+/* Plans a buffer, and makes it when the device is open: in the arena or on the device. Not cleared. */
 void device_buffer_make(device *d, arena *a, size_t size, device_buffer *buffer);
 void device_buffer_free(device_buffer *buffer);
 
@@ -52,7 +52,8 @@ void device_buffer_free(device_buffer *buffer);
 void *device_map(device *d, device_buffer *buffer, cl_map_flags flags);
 void device_unmap(device *d, device_buffer *buffer, void *mapped);
 
-void device_fill_zero(device *d, device_buffer *buffer, size_t bytes);
+/* Queues filling with zeros. */
+void device_clear(device *d, device_buffer *buffer);
 void device_wait(device *d);
 
 cl_kernel device_kernel(device *d, const char *name);

@@ -101,3 +101,9 @@ kernel void fuse_blocks(global const float *depth, camera c, float2 noise, rigid
         vstore8(convert_ushort8_sat_rte(select(old_w, new_w, valid)), k, weights);
     }
 }
+
+/* Makes blocks new: nothing seen. Global size: blocks, rows of eight voxels (128: distances, then weights). */
+kernel void clear_blocks(int first, global short *voxels) {
+    size_t block = (size_t)(first + get_global_id(0));
+    vstore8((short8)(0), block * 128 + get_global_id(1), voxels);
+}

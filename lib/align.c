@@ -1,0 +1,93 @@
+#include "align.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Neighbouring pixels share their noise (smoothing, correlated disparities), and the model isn't exact: so many pairs
+ * count as one in the covariance. */
+#define CORRELATED_PAIRS 50.0
+
+void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps) {
+    memset(a, 0, sizeof *a);
+    a->config = config;
+    for (int i = 0; i < FATHOM_LEVELS; i++)
+        device_buffer_make(d, block, (size_t)maps->camera[i].width * (size_t)maps->camera[i].height * 16, &a->model[i]);
+    device_buffer_make(d, block, (size_t)maps->camera[FINEST].height * SUMS * 4, &a->sums);
+    if (d->context) a->reduce = device_kernel(d, "align_reduce");
+}
+
+void aligner_close(aligner *a) {
+    if (a->reduce) clReleaseKernel(a->reduce);
+    for (int i = 0; i < FATHOM_LEVELS; i++) device_buffer_free(&a->model[i]);
+    device_buffer_free(&a->sums);
+}
+
+/* Section 2: one reduction over all pixels of a level. */
+static void reduce(aligner *a, device *d, depth_maps *maps, int level, const pose *motion, double reach_m,
+                   const double centre[3], normal_equations *e) {
+    const fathom_config *c = a->config;
+    const kernel_camera *camera = &maps->camera[level];
+    double distance = fmax(c->pair_distance_m, reach_m) * (1 << (FINEST - level));
+    kernel_pair_limits limits = {(cl_float)(distance * distance), cosf(c->pair_angle_rad), c->huber_m, 0, {{0}}};
+    for (int i = 0; i < 3; i++) limits.centre.s[i] = (cl_float)centre[i];
+    kernel_rigid rigid = kernel_rigid_of(motion);
+    RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group, ARG(maps->smooth[level].memory),
+        ARG(maps->normals[level].memory), ARG(*camera), ARG(a->model[level].memory), ARG(*camera), ARG(rigid),
+        ARG(limits), ARG(a->sums.memory));
+    memset(e, 0, sizeof *e);
+    for (int i = 0; i < 3; i++) e->centre[i] = limits.centre.s[i];
+    float *sums = device_map(d, &a->sums, CL_MAP_READ);
+    for (int row = 0; sums && row < camera->height; row++) normal_equations_add(e, sums + row * SUMS);
+    device_unmap(d, &a->sums, sums);
+}
+
+/* Moves the covariance of a left twist in the model camera's axes to the scan camera's (motion * exp(error)). */
+static void covariance_to_scan(const pose *motion, const double left[36], double out[36]) {
+    pose inverse = pose_inverse(motion);
+    double adjoint[36];
+    pose_adjoint(&inverse, adjoint);
+    covariance_transport(adjoint, left, out);
+}
+
+void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS], double reach_m,
+           alignment *result) {
+    const fathom_config *c = a->config;
+    double centre[3] = {0, 0, 1.5}; /* about where the pairs are; then their centroid */
+    memset(result, 0, sizeof *result);
+    result->motion = *seed;
+    result->condition = INFINITY;
+    for (int level = 0; level < FATHOM_LEVELS; level++) {
+        double last_error = INFINITY;
+        for (int i = 0; i < budget[level]; i++) {
+            normal_equations e;
+            solution s;
+            reduce(a, d, maps, level, &result->motion, reach_m, centre, &e);
+            result->iterations++;
+            result->level = level;
+            result->pairs = (int)e.pairs;
+            result->overlap = (int)e.overlap;
+            result->pixels = maps->camera[level].width * maps->camera[level].height;
+            result->weight = e.weight;
+            bool solved = solve_alignment(&e, &s);
+            memcpy(result->singular, s.singular, sizeof s.singular);
+            result->condition = s.condition;
+            if (!solved || d->error != FATHOM_OK) break;
+            for (int k = 0; k < 3; k++) centre[k] += e.point[k] / e.weight;
+
+            pose update = pose_exp(s.twist);
+            result->motion = pose_multiply(&update, &result->motion);
+            pose_normalise(&result->motion);
+            double error = s.residual / e.weight;
+            result->rms = sqrt(error);
+            /* variance of a pair of weight 1, from what is left over */
+            double variance = s.residual / fmax(e.pairs - 6, 1) * CORRELATED_PAIRS;
+            for (int k = 0; k < 36; k++) s.covariance[k] *= variance;
+            covariance_to_scan(&result->motion, s.covariance, result->covariance);
+
+            bool small = pose_angle(&update) < c->stop_rotation_rad && pose_distance(&update) < c->stop_translation_m;
+            bool level_error = last_error - error < c->stop_error_fall * last_error;
+            last_error = error;
+            if (small || level_error) break;
+        }
+    }
+}

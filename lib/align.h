@@ -1,0 +1,35 @@
+/* Point-to-plane alignment of a frame's maps with a model map (Section 2; Chen and Medioni 1992; Low 2004). */
+#ifndef FATHOM_ALIGN_H
+#define FATHOM_ALIGN_H
+
+#include "depth_maps.h"
+#include "solve.h"
+
+typedef struct {
+    device_buffer model[FATHOM_LEVELS]; /* normal and depth, in the model camera's axes */
+    device_buffer sums;                 /* SUMS floats a row of the finest level */
+    cl_kernel reduce;
+    const fathom_config *config;
+} aligner;
+
+/* What an alignment found. Motions map the scan's camera to the model's camera. */
+typedef struct {
+    pose motion;
+    int iterations;
+    int level;             /* finest level that had pairs */
+    int pairs, overlap;    /* at the last iteration */
+    int pixels;            /* of the map of that level */
+    double weight, rms;
+    double singular[6], condition;
+    double covariance[36]; /* of motion, in the scan camera's axes: motion * exp(error) */
+} alignment;
+
+void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);
+void aligner_close(aligner *a);
+
+/* Aligns from `seed` on, with at most budget[level] iterations at each level. reach_m widens the pair distance (a seed's
+ * three sigma). Waits for the device at each iteration. */
+void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS], double reach_m,
+           alignment *result);
+
+#endif

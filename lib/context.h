@@ -1,0 +1,34 @@
+/* A scanning context: everything that fathom_init lays out in the caller's block. */
+#ifndef FATHOM_CONTEXT_H
+#define FATHOM_CONTEXT_H
+
+#include "align.h"
+#include "inertial.h"
+#include "quality.h"
+#include "surface.h"
+#include "volume.h"
+
+struct fathom {
+    fathom_config config;
+    device device;
+    depth_maps maps;
+    volume volume;
+    aligner aligner;
+    inertial inertial;
+    surface_output surface;
+    int64_t arena_bytes;
+
+    pose pose;               /* M of Figure 2: the last frame's camera to world */
+    double covariance[36];   /* of that pose: pose * exp(error) */
+    int64_t timestamp_ns;    /* of the last frame; INT64_MIN: none yet */
+    bool started;            /* the first surface has been fused */
+    pose reference;          /* FATHOM_AGAINST_PREVIOUS: pose of the frame in the model maps */
+    bool paused;
+    int64_t frames_ignored;
+    fathom_result result;    /* of the last frame */
+};
+
+/* One turn of Figure 2 (lib/step.c); the frame has been checked. */
+void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r);
+
+#endif

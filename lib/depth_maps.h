@@ -1,0 +1,34 @@
+/* From a depth frame to the maps that alignment and fusion work on (Newcombe et al. 2011, Section 3.1). */
+#ifndef FATHOM_DEPTH_MAPS_H
+#define FATHOM_DEPTH_MAPS_H
+
+#include "device.h"
+#include "kernel_types.h"
+
+#define FINEST (FATHOM_LEVELS - 1) /* level 0 is the coarsest */
+
+typedef struct {
+    kernel_camera camera[FATHOM_LEVELS]; /* the ideal pinhole of each level */
+    kernel_depth_source source;
+    cl_float2 noise;
+    device_buffer raw;                     /* the frame as it came */
+    device_buffer depth;                   /* metric, unsmoothed, finest size: what is fused */
+    device_buffer smooth[FATHOM_LEVELS];   /* smoothed depth */
+    device_buffer normals[FATHOM_LEVELS];  /* four planes: normal and confidence */
+    cl_kernel convert, smoothing, halve, normal, pack;
+} depth_maps;
+
+/* The size and intrinsics of the finest maps for the settings. FATHOM_OK or FATHOM_ERROR_CONFIG. */
+int depth_maps_camera(const fathom_config *config, kernel_camera *camera);
+
+/* Plans buffers (and makes them and the kernels when the device is open). */
+void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *config);
+void depth_maps_close(depth_maps *m);
+
+/* Queues all maps of a frame down to the coarsest level that is asked for. */
+void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarsest);
+
+/* Queues the frame's maps in the form of a model map, at every level. */
+void depth_maps_pack(depth_maps *m, device *d, device_buffer model[FATHOM_LEVELS]);
+
+#endif

@@ -1,0 +1,11 @@
+#include "quality.h"
+
+fathom_verdict judge(const fathom_config *c, const alignment *a, double innovation) {
+    int min_pairs = c->min_pairs > 0 ? c->min_pairs : a->pixels / 100;
+    if (a->pairs < 6 || a->pairs < min_pairs) return FATHOM_VERDICT_FEW_PAIRS;
+    if (a->pairs < c->min_overlap * a->overlap) return FATHOM_VERDICT_OVERLAP;
+    if (!(a->rms <= c->max_rms_m)) return FATHOM_VERDICT_RESIDUAL;
+    if (!(a->condition <= c->max_condition)) return FATHOM_VERDICT_CONDITION;
+    if (!(innovation <= c->max_innovation_sigmas)) return FATHOM_VERDICT_INNOVATION;
+    return FATHOM_VERDICT_TRACKING;
+}

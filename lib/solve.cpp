@@ -1,0 +1,82 @@
+#include "solve.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+
+using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+void normal_equations_add(normal_equations *e, const float *sums) {
+    int k = 0;
+    for (int i = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, k++) {
+            e->ata[6 * i + j] += sums[k];
+            if (i != j) e->ata[6 * j + i] += sums[k];
+        }
+    for (int i = 0; i < 6; i++) e->atb[i] += sums[21 + i];
+    e->btb += sums[27];
+    e->weight += sums[28];
+    for (int i = 0; i < 3; i++) e->point[i] += sums[29 + i];
+    e->point_squared += sums[32];
+    e->pairs += sums[33];
+    e->overlap += sums[34];
+}
+
+static Matrix3d skew(const Vector3d &v) {
+    Matrix3d m;
+    m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+    return m;
+}
+
+/* The twist that rotates about c + shift moves p by w x (p - c - shift) + v', so about c it is the same w and
+ * v = v' - w x shift = v' + [shift]x w. */
+static Matrix6 about(const Vector3d &shift) {
+    Matrix6 j = Matrix6::Identity();
+    j.block<3, 3>(3, 0) = skew(shift);
+    return j;
+}
+
+bool solve_alignment(const normal_equations *e, solution *s) {
+    *s = solution{};
+    s->condition = INFINITY;
+    Eigen::Map<const Matrix6> ata(e->ata);
+    Eigen::Map<const Vector6> atb(e->atb);
+    if (!(e->weight > 0) || !ata.allFinite() || !atb.allFinite() || !std::isfinite(e->btb)) return false;
+
+    /* Centre on the pairs and scale lengths by their spread, so that kappa depends neither on the origin nor on metres
+     * against radians: columns of A for rotation are divided by the spread, those for translation stay. */
+    Vector3d mean = Eigen::Map<const Vector3d>(e->point) / e->weight;
+    double spread = std::sqrt(std::max(e->point_squared / e->weight - mean.squaredNorm(), 1e-12));
+    Matrix6 j = about(mean);
+    Vector6 scale;
+    scale << 1 / spread, 1 / spread, 1 / spread, 1, 1, 1;
+    Matrix6 to_reference = j * scale.asDiagonal(); /* x about centre = to_reference * (scaled x about the mean) */
+    Matrix6 h = to_reference.transpose() * ata * to_reference;
+    Vector6 g = to_reference.transpose() * atb;
+    h = 0.5 * (h + h.transpose()).eval();
+
+    Eigen::JacobiSVD<Eigen::Matrix<double, 6, 6>> svd(h, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Vector6 squared = svd.singularValues(); /* of A^T A: the squares of A's */
+    double largest = squared[0];
+    Vector6 y = Vector6::Zero();
+    Matrix6 covariance = Matrix6::Zero();
+    Vector6 projected = svd.matrixU().transpose() * g;
+    for (int i = 0; i < 6; i++) {
+        s->singular[i] = std::sqrt(std::max(squared[i], 0.0));
+        bool free_direction = !(squared[i] > 1e-12 * largest);
+        if (!free_direction) y += svd.matrixV().col(i) * (projected[i] / squared[i]);
+        double variance = 1 / std::max(squared[i], 1e-9 * largest);
+        covariance += variance * svd.matrixV().col(i) * svd.matrixV().col(i).transpose();
+    }
+    s->condition = s->singular[5] > 0 ? s->singular[0] / s->singular[5] : INFINITY;
+    s->residual = std::max(e->btb - 2 * y.dot(g) + y.dot(h * y), 0.0);
+
+    Matrix6 to_origin = about(Eigen::Map<const Vector3d>(e->centre)) * to_reference;
+    Eigen::Map<Vector6> twist(s->twist);
+    twist = to_origin * y;
+    Eigen::Map<Matrix6> out(s->covariance);
+    out = to_origin * covariance * to_origin.transpose();
+    return twist.allFinite();
+}

@@ -1,0 +1,44 @@
+/* The 6x6 system of Section 2: A x = b in the least squares sense from its sums, with the figures that judge it. */
+#ifndef FATHOM_SOLVE_H
+#define FATHOM_SOLVE_H
+
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Sums over the kept pairs; see opencl/align.cl. Rotations and points count from `centre`. */
+typedef struct {
+    double ata[36];        /* A^T A, row-major: rotation, then translation */
+    double atb[6];         /* A^T b */
+    double btb;            /* b^T b */
+    double weight;         /* sum of w */
+    double point[3];       /* sum of w p */
+    double point_squared;  /* sum of w |p|^2 */
+    double pairs;          /* n */
+    double overlap;        /* pixels where scan and model both have a surface */
+    double centre[3];
+} normal_equations;
+
+typedef struct {
+    double twist[6];       /* x about the model camera's origin: p moves to p + rotation x p + translation */
+    double residual;       /* r = ||A x - b||^2 of the linear model after the update */
+    double singular[6];    /* of A centred on the pairs and scaled by their spread, largest first */
+    double condition;      /* kappa(A) = largest / smallest; INFINITY when the smallest is 0 */
+    double covariance[36]; /* (A^T A)^-1 of twist for unit variance of a pair of weight 1; directions that the pairs
+                              leave free get a large, finite variance */
+} solution;
+
+/* Adds one strip's sums, as the kernel wrote them, in double precision. */
+void normal_equations_add(normal_equations *e, const float *sums);
+
+/* Solves by singular value decomposition. Directions whose singular value is below 1e-6 of the largest are left alone
+ * (minimum norm). False when there is nothing to solve: no pairs, or sums that aren't finite. */
+bool solve_alignment(const normal_equations *e, solution *s);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

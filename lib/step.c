@@ -1,0 +1,169 @@
+/* The loop of the paper's Figure 2, one turn a call.
+ *
+ *     d = inertial_estimate(t_i-1, t_i)
+ *     (icp, tracking) = align(scan, M * d)
+ *     if tracking:  fuse(scan, icp);  M = icp
+ *     else:         M = M * d
+ */
+#include <math.h>
+#include <string.h>
+#include <time.h>
+
+#include "context.h"
+
+static double now_ms(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
+}
+
+/* The camera's way since the last frame: by the caller's hook, by inertia, or, knowing nothing, none. */
+static inertial_motion inertial_seed(fathom *f, int64_t from_ns, int64_t to_ns) {
+    inertial_motion d;
+    fathom_motion given;
+    const fathom_config *c = &f->config;
+    if (c->inertial_hook && c->inertial_hook(c->inertial_user, from_ns, to_ns, &given) == FATHOM_OK &&
+        pose_from_matrix(given.motion, &d.motion)) {
+        for (int i = 0; i < 36; i++) d.covariance[i] = given.covariance[i];
+        return d;
+    }
+    if (inertial_estimate(&f->inertial, &f->pose, from_ns, to_ns, &d) == FATHOM_OK) return d;
+    d.motion = pose_identity();
+    double dt = 1e-9 * (double)(to_ns - from_ns);
+    memset(d.covariance, 0, sizeof d.covariance);
+    for (int i = 0; i < 3; i++) {
+        d.covariance[7 * i] = dt * dt;
+        d.covariance[7 * (i + 3)] = 0.25 * dt * dt;
+    }
+    return d;
+}
+
+/* The covariance of pose * motion: the old error seen from the new camera, and the motion's own. */
+static void propagate(const double old[36], const inertial_motion *d, double out[36]) {
+    pose inverse = pose_inverse(&d->motion);
+    double adjoint[36];
+    pose_adjoint(&inverse, adjoint);
+    covariance_transport(adjoint, old, out);
+    for (int i = 0; i < 36; i++) out[i] += d->covariance[i];
+}
+
+static double position_sigma(const double covariance[36]) {
+    return sqrt(fmax(covariance[21], fmax(covariance[28], covariance[35])));
+}
+
+/* Aligns the scan with the surface as it looks from the seed, or with the last accepted frame. icp->motion becomes a
+ * pose, camera to world. */
+static void align_scan(fathom *f, const pose *seed, double seed_sigma_m, const int *budget, int coarsest, alignment *icp,
+                       fathom_result *r) {
+    bool against_model = f->config.against == FATHOM_AGAINST_MODEL;
+    double start = now_ms();
+    if (against_model) {
+        volume_raycast(&f->volume, &f->device, &f->maps.camera[FINEST], seed, f->config.depth_min_m, f->config.depth_max_m,
+                       &f->aligner.model[FINEST]);
+        volume_halve_maps(&f->volume, &f->device, f->maps.camera, f->aligner.model, coarsest);
+        device_wait(&f->device);
+        f->reference = *seed;
+    }
+    double cast = now_ms();
+    pose motion = pose_between(&f->reference, seed);
+    align(&f->aligner, &f->device, &f->maps, &motion, budget, 3 * seed_sigma_m, icp);
+    icp->motion = pose_multiply(&f->reference, &icp->motion);
+    pose_normalise(&icp->motion);
+    r->ms_raycast = (float)(cast - start);
+    r->ms_align = (float)(now_ms() - cast);
+}
+
+static void fuse(fathom *f, const pose *at, fathom_result *r) {
+    double start = now_ms();
+    volume_allocate(&f->volume, &f->device, &f->maps, at);
+    volume_fuse(&f->volume, &f->device, &f->maps, at);
+    device_wait(&f->device);
+    r->fused = true;
+    r->pool_full = f->volume.full;
+    r->ms_fuse = (float)(now_ms() - start);
+}
+
+static void keep_as_reference(fathom *f, const pose *at) {
+    if (f->config.against != FATHOM_AGAINST_PREVIOUS) return;
+    depth_maps_pack(&f->maps, &f->device, f->aligner.model);
+    f->reference = *at;
+}
+
+static void report_alignment(const alignment *icp, fathom_result *r) {
+    r->iterations = icp->iterations;
+    r->pairs = icp->pairs;
+    r->overlap_pixels = icp->overlap;
+    r->rms_m = (float)icp->rms;
+    r->weight = (float)icp->weight;
+    r->condition = (float)icp->condition;
+    for (int i = 0; i < 6; i++) r->singular_values[i] = (float)icp->singular[i];
+}
+
+static void first_step(fathom *f, fathom_result *r) {
+    fuse(f, &f->pose, r);
+    r->fused = f->started = f->volume.count > 0;
+    r->state = f->started ? FATHOM_FIRST : FATHOM_RECKONED;
+    r->verdict = f->started ? FATHOM_VERDICT_TRACKING : FATHOM_VERDICT_NO_DEPTH;
+    if (!f->started) return;
+    keep_as_reference(f, &f->pose);
+    inertial_correct(&f->inertial, &f->pose, r->timestamp_ns);
+    memset(f->covariance, 0, sizeof f->covariance);
+    for (int i = 0; i < 6; i++) f->covariance[7 * i] = 1e-10; /* the first frame is the world */
+}
+
+static void next_step(fathom *f, fathom_result *r) {
+    const fathom_config *c = &f->config;
+    inertial_motion d = inertial_seed(f, f->timestamp_ns, r->timestamp_ns);
+    pose seed = pose_multiply(&f->pose, &d.motion);
+    double predicted[36], twist[6];
+    propagate(f->covariance, &d, predicted);
+    r->seeded = position_sigma(predicted) < c->seeded_sigma_m;
+    const int *budget = r->seeded ? c->seeded_iterations : c->iterations;
+    int coarsest = 0;
+    while (coarsest < FINEST && budget[coarsest] == 0) coarsest++;
+
+    alignment icp;
+    align_scan(f, &seed, position_sigma(predicted), budget, coarsest, &icp, r);
+    report_alignment(&icp, r);
+    pose correction = pose_between(&seed, &icp.motion);
+    pose_log(&correction, twist);
+    r->prior_rotation_rad = (float)pose_angle(&correction);
+    r->prior_translation_m = (float)pose_distance(&correction);
+    r->innovation_sigmas = (float)covariance_mahalanobis(predicted, twist);
+    r->verdict = judge(c, &icp, r->innovation_sigmas);
+
+    if (r->verdict == FATHOM_VERDICT_TRACKING) {
+        f->pose = icp.motion;
+        memcpy(f->covariance, icp.covariance, sizeof f->covariance);
+        if (!f->paused) fuse(f, &f->pose, r);
+        keep_as_reference(f, &f->pose);
+        inertial_correct(&f->inertial, &f->pose, r->timestamp_ns);
+        r->state = FATHOM_TRACKED;
+    } else {
+        f->pose = seed;
+        memcpy(f->covariance, predicted, sizeof f->covariance);
+        r->state = position_sigma(predicted) > c->lost_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
+    }
+}
+
+void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
+    double start = now_ms();
+    memset(r, 0, sizeof *r);
+    r->timestamp_ns = scan->timestamp_ns;
+    inertial_drain(&f->inertial);
+    depth_maps_make(&f->maps, &f->device, scan->depth, 0);
+    device_wait(&f->device);
+    r->ms_maps = (float)(now_ms() - start);
+
+    if (f->started)
+        next_step(f, r);
+    else
+        first_step(f, r);
+
+    f->timestamp_ns = scan->timestamp_ns;
+    pose_to_matrix(&f->pose, r->pose);
+    for (int i = 0; i < 36; i++) r->covariance[i] = (float)f->covariance[i];
+    r->blocks = f->volume.count;
+    r->ms_total = (float)(now_ms() - start);
+    f->result = *r;
+}

@@ -1,0 +1,130 @@
+#include "volume.h"
+
+#include <string.h>
+
+/* The table has at least two entries a block, so that a search ends soon. */
+static size_t table_entries(int blocks) {
+    size_t n = 1024;
+    while (n < 2 * (size_t)blocks) n *= 2;
+    return n;
+}
+
+size_t volume_block_cost(void) {
+    return BLOCK_BYTES + sizeof(cl_int4) * 5; /* voxels, coordinates, at most four table entries */
+}
+
+void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const depth_maps *maps, int blocks) {
+    memset(v, 0, sizeof *v);
+    const kernel_camera *camera = &maps->camera[FINEST];
+    size_t entries = table_entries(blocks);
+    v->capacity = blocks;
+    v->surface = (kernel_surface){c->voxel_m, c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m,
+                                  (cl_uint)(entries - 1), 0};
+    v->max_weight = c->max_weight;
+    v->tiles = ((camera->width + TILE - 1) / TILE) * ((camera->height + TILE - 1) / TILE);
+    device_buffer_make(d, a, (size_t)blocks * BLOCK_BYTES, &v->voxels);
+    device_buffer_make(d, a, entries * sizeof(cl_int4), &v->table);
+    device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int4), &v->blocks);
+    device_buffer_make(d, a, (size_t)v->tiles * TILE_SLOTS * sizeof(cl_int4), &v->requests);
+    device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_int), &v->counts);
+    device_buffer_make(d, a, (size_t)v->tiles * 2 * sizeof(cl_int), &v->ranges);
+    if (!d->context) return;
+    v->request = device_kernel(d, "request_blocks");
+    v->clear = device_kernel(d, "clear_blocks");
+    v->fuse = device_kernel(d, "fuse_blocks");
+    v->clear_ranges = device_kernel(d, "clear_ranges");
+    v->range_blocks = device_kernel(d, "range_blocks");
+    v->raycast = device_kernel(d, "raycast");
+    v->halve_map = device_kernel(d, "halve_map");
+    if (d->error == FATHOM_OK) volume_clear(v, d);
+}
+
+void volume_close(volume *v) {
+    cl_kernel kernels[] = {v->request, v->clear, v->fuse, v->clear_ranges, v->range_blocks, v->raycast, v->halve_map};
+    for (int i = 0; i < 7; i++)
+        if (kernels[i]) clReleaseKernel(kernels[i]);
+    device_buffer *buffers[] = {&v->voxels, &v->table, &v->blocks, &v->requests, &v->counts, &v->ranges};
+    for (int i = 0; i < 6; i++) device_buffer_free(buffers[i]);
+}
+
+void volume_clear(volume *v, device *d) {
+    void *table = device_map(d, &v->table, CL_MAP_WRITE);
+    if (table) memset(table, 0xff, v->table.size); /* w = -1: free */
+    device_unmap(d, &v->table, table);
+    v->count = 0;
+    v->full = false;
+}
+
+/* The entry of block b, or the free one where it belongs; the same search as find_block in opencl/common.cl. */
+static cl_int4 *find_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
+    cl_uint h = ((cl_uint)b->x * 73856093u) ^ ((cl_uint)b->y * 19349669u) ^ ((cl_uint)b->z * 83492791u);
+    h = (h ^ (h >> 15)) & mask;
+    while (table[h].w >= 0 && (table[h].x != b->x || table[h].y != b->y || table[h].z != b->z)) h = (h + 1) & mask;
+    return &table[h];
+}
+
+void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
+    kernel_rigid rigid = kernel_rigid_of(camera_to_world);
+    cl_float block_m = v->surface.voxel * BLOCK_EDGE;
+    RUN(d, v->request, (size_t)v->tiles, 1, 0, ARG(maps->depth.memory), ARG(maps->camera[FINEST]), ARG(rigid),
+        ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask), ARG(v->requests.memory),
+        ARG(v->counts.memory));
+    v->full = false;
+    cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
+    int wanted = 0;
+    for (int i = 0; counts && i < v->tiles; i++) wanted += counts[i];
+    if (wanted > 0) {
+        int before = v->count;
+        cl_int4 *requests = device_map(d, &v->requests, CL_MAP_READ);
+        cl_int4 *table = device_map(d, &v->table, CL_MAP_READ | CL_MAP_WRITE);
+        cl_int4 *blocks = device_map(d, &v->blocks, CL_MAP_READ | CL_MAP_WRITE);
+        /* Tile by tile, slot by slot: the order in which places are given depends on the frame alone. */
+        for (int i = 0; requests && table && blocks && i < v->tiles; i++)
+            for (int j = 0; j < counts[i]; j++) {
+                cl_int4 b = requests[i * TILE_SLOTS + j];
+                cl_int4 *entry = find_entry(table, v->surface.mask, &b);
+                if (entry->w >= 0) continue;
+                if (v->count == v->capacity) {
+                    v->full = true;
+                    v->refused++;
+                    continue;
+                }
+                b.w = v->count++;
+                *entry = b;
+                blocks[b.w] = b;
+            }
+        device_unmap(d, &v->blocks, blocks);
+        device_unmap(d, &v->table, table);
+        device_unmap(d, &v->requests, requests);
+        cl_int first = before;
+        RUN(d, v->clear, (size_t)(v->count - before), BLOCK_BYTES / 16, 0, ARG(first), ARG(v->voxels.memory));
+    }
+    device_unmap(d, &v->counts, counts);
+}
+
+void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
+    pose inverse = pose_inverse(camera_to_world);
+    kernel_rigid rigid = kernel_rigid_of(&inverse);
+    RUN(d, v->fuse, (size_t)v->count, 1, 0, ARG(maps->depth.memory), ARG(maps->camera[FINEST]), ARG(maps->noise),
+        ARG(rigid), ARG(v->surface.voxel), ARG(v->surface.truncation), ARG(v->max_weight), ARG(v->blocks.memory),
+        ARG(v->voxels.memory));
+}
+
+void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world, float near_m,
+                    float far_m, device_buffer *model) {
+    pose inverse = pose_inverse(camera_to_world);
+    kernel_rigid to_camera = kernel_rigid_of(&inverse), to_world = kernel_rigid_of(camera_to_world);
+    size_t tiles = (size_t)((camera->width + TILE - 1) / TILE) * (size_t)((camera->height + TILE - 1) / TILE);
+    RUN(d, v->clear_ranges, tiles, 1, 0, ARG(v->ranges.memory));
+    RUN(d, v->range_blocks, (size_t)v->count, 1, 0, ARG(v->blocks.memory), ARG(*camera), ARG(to_camera),
+        ARG(v->surface.voxel), ARG(near_m), ARG(far_m), ARG(v->ranges.memory));
+    RUN(d, v->raycast, (size_t)camera->width, (size_t)camera->height, 0, ARG(v->voxels.memory), ARG(v->table.memory),
+        ARG(v->surface), ARG(*camera), ARG(to_world), ARG(v->ranges.memory), ARG(model->memory));
+}
+
+void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],
+                       int coarsest) {
+    for (int i = FINEST - 1; i >= coarsest; i--)
+        RUN(d, v->halve_map, (size_t)cameras[i].width, (size_t)cameras[i].height, 0, ARG(model[i + 1].memory),
+            ARG(cameras[i + 1]), ARG(cameras[i]), ARG(model[i].memory));
+}

@@ -1,0 +1,48 @@
+/* The surface: truncated signed distance in hashed blocks from a fixed pool; allocation, fusion and ray-casting
+ * (Curless and Levoy 1996; Newcombe et al. 2011; Niessner et al. 2013). */
+#ifndef FATHOM_VOLUME_H
+#define FATHOM_VOLUME_H
+
+#include "depth_maps.h"
+
+typedef struct {
+    int capacity;         /* blocks in the pool */
+    int count;            /* in use: places 0..count-1, in the order in which they were made */
+    int64_t refused;      /* blocks that found the pool full */
+    bool full;            /* some were refused by the last allocation */
+    kernel_surface surface;
+    float max_weight;
+    int tiles;            /* of the finest maps */
+    device_buffer voxels; /* BLOCK_BYTES a block */
+    device_buffer table;  /* the hash: an int4 an entry */
+    device_buffer blocks; /* coordinates of each place: an int4 */
+    device_buffer requests, counts;
+    device_buffer ranges;
+    cl_kernel request, clear, fuse, clear_ranges, range_blocks, raycast, halve_map;
+} volume;
+
+/* Bytes that each block of the pool costs, without the pool's fixed part. */
+size_t volume_block_cost(void);
+
+void volume_init(volume *v, device *d, arena *a, const fathom_config *config, const depth_maps *maps, int blocks);
+void volume_close(volume *v);
+
+/* Forgets the surface. */
+void volume_clear(volume *v, device *d);
+
+/* Gives places to the blocks that the frame's surface needs. */
+void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_to_world);
+
+/* Queues the fusion of the frame. */
+void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world);
+
+/* Queues the ray-cast of a model map (normal and depth, row by row) as camera sees it; its tiles must not outnumber the
+ * finest maps'. */
+void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world, float near_m,
+                    float far_m, device_buffer *model);
+
+/* Queues the coarser levels of a model map. */
+void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],
+                       int coarsest);
+
+#endif
