@@ -1,8 +1,8 @@
 /* PNG files by libpng (its manual: libpng-manual.txt, sections III "Reading" and IV "Writing").
  *
- * libpng reports errors by longjmp. Everything that has to survive the jump lives in a struct that the caller of
- * setjmp owns, so that no local variable is clobbered; and libpng's own message goes into the error line instead of
- * to stderr. */
+ * libpng reports errors by longjmp. Everything that has to survive the jump lives in a struct that the caller
+ * of setjmp owns, so that no local variable is clobbered; and libpng's own message goes into the error line
+ * instead of to stderr. */
 #include "image_file.h"
 
 #include <errno.h>
@@ -27,40 +27,37 @@ struct png_job {
     png_bytep row; /* scratch, one row */
 };
 
-static int fail(const char *path, const char *what, char *error, size_t error_size)
-{
+static int fail(const char *path, const char *what, char *error, size_t error_size) {
     if (error && error_size) snprintf(error, error_size, "%s: %s", path, what);
     return -1;
 }
 
-static void on_error(png_structp png, png_const_charp message)
-{
+static void on_error(png_structp png, png_const_charp message) {
     struct png_job *job = png_get_error_ptr(png);
     /* A failed write shows as libpng's "Write Error"; the system's reason (disk full) is what helps. */
-    if (job->file && ferror(job->file) && errno) message = strerror(errno);
-    else if (job->file && feof(job->file)) message = "truncated PNG";
+    if (job->file && ferror(job->file) && errno)
+        message = strerror(errno);
+    else if (job->file && feof(job->file))
+        message = "truncated PNG";
     fail(job->path, message, job->error, job->error_size);
     png_longjmp(png, 1);
 }
 
-static void on_warning(png_structp png, png_const_charp message)
-{
+static void on_warning(png_structp png, png_const_charp message) {
     (void)png;
     (void)message;
 }
 
 /* ---- Reading ---- */
 
-static void read_end(struct png_job *job)
-{
+static void read_end(struct png_job *job) {
     if (job->png) png_destroy_read_struct(&job->png, &job->info, NULL);
     free(job->row);
     if (job->file) fclose(job->file);
 }
 
 /* Opens the file and makes the reader; the caller then sets the jump and calls png_read_info. */
-static int read_begin(struct png_job *job)
-{
+static int read_begin(struct png_job *job) {
     unsigned char signature[8];
     errno = 0;
     job->file = fopen(job->path, "rb");
@@ -79,8 +76,7 @@ static int read_begin(struct png_job *job)
     return 0;
 }
 
-static int read_rows(struct png_job *job, uint16_t *pixels, size_t capacity, int *width, int *height)
-{
+static int read_rows(struct png_job *job, uint16_t *pixels, size_t capacity, int *width, int *height) {
     if (setjmp(png_jmpbuf(job->png))) return -1;
     png_read_info(job->png, job->info);
     const png_uint_32 w = png_get_image_width(job->png, job->info);
@@ -89,7 +85,8 @@ static int read_rows(struct png_job *job, uint16_t *pixels, size_t capacity, int
     if (png_get_color_type(job->png, job->info) != PNG_COLOR_TYPE_GRAY || (bits != 16 && bits != 8))
         return fail(job->path, "not a greyscale PNG of 16 or 8 bits", job->error, job->error_size);
     if (png_get_interlace_type(job->png, job->info) != PNG_INTERLACE_NONE)
-        return fail(job->path, "interlaced PNG, which depth cameras don't write", job->error, job->error_size);
+        return fail(job->path, "interlaced PNG, which depth cameras don't write", job->error,
+                    job->error_size);
     if ((size_t)w * h > capacity)
         return fail(job->path, "larger than the frames expected", job->error, job->error_size);
     job->row = malloc(png_get_rowbytes(job->png, job->info));
@@ -98,7 +95,8 @@ static int read_rows(struct png_job *job, uint16_t *pixels, size_t capacity, int
         uint16_t *out = pixels + (size_t)y * w;
         png_read_row(job->png, job->row, NULL);
         if (bits == 16)
-            for (png_uint_32 x = 0; x < w; x++) out[x] = (uint16_t)(job->row[2 * x] << 8 | job->row[2 * x + 1]);
+            for (png_uint_32 x = 0; x < w; x++)
+                out[x] = (uint16_t)(job->row[2 * x] << 8 | job->row[2 * x + 1]);
         else
             for (png_uint_32 x = 0; x < w; x++) out[x] = job->row[x];
     }
@@ -108,9 +106,8 @@ static int read_rows(struct png_job *job, uint16_t *pixels, size_t capacity, int
     return 0;
 }
 
-int image_read_gray16(const char *path, uint16_t *pixels, size_t capacity, int *width, int *height, char *error,
-                      size_t error_size)
-{
+int image_read_gray16(const char *path, uint16_t *pixels, size_t capacity, int *width, int *height,
+                      char *error, size_t error_size) {
     struct png_job job = {.path = path, .error = error, .error_size = error_size};
     int result = read_begin(&job);
     if (!result) result = read_rows(&job, pixels, capacity, width, height);
@@ -118,8 +115,7 @@ int image_read_gray16(const char *path, uint16_t *pixels, size_t capacity, int *
     return result;
 }
 
-static int read_header(struct png_job *job, int *width, int *height)
-{
+static int read_header(struct png_job *job, int *width, int *height) {
     if (setjmp(png_jmpbuf(job->png))) return -1;
     png_read_info(job->png, job->info);
     *width = (int)png_get_image_width(job->png, job->info);
@@ -127,8 +123,7 @@ static int read_header(struct png_job *job, int *width, int *height)
     return 0;
 }
 
-int image_read_size(const char *path, int *width, int *height, char *error, size_t error_size)
-{
+int image_read_size(const char *path, int *width, int *height, char *error, size_t error_size) {
     struct png_job job = {.path = path, .error = error, .error_size = error_size};
     int result = read_begin(&job);
     if (!result) result = read_header(&job, width, height);
@@ -144,15 +139,15 @@ struct picture {
     int bits, color_type;
 };
 
-static int write_rows(struct png_job *job, const struct picture *picture)
-{
+static int write_rows(struct png_job *job, const struct picture *picture) {
     const size_t w = (size_t)picture->width;
     if (setjmp(png_jmpbuf(job->png))) return -1;
     png_init_io(job->png, job->file);
-    png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height, picture->bits,
-                 picture->color_type, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-    /* Level 1 with the one filter that suits smooth depth: libpng's own choice of filters costs five times as long
-     * for files that are a few per cent smaller. */
+    png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height,
+                 picture->bits, picture->color_type, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+                 PNG_FILTER_TYPE_DEFAULT);
+    /* Level 1 with the one filter that suits smooth depth: libpng's own choice of filters costs five times as
+     * long for files that are a few per cent smaller. */
     png_set_compression_level(job->png, picture->bits == 16 ? 1 : Z_DEFAULT_COMPRESSION);
     if (picture->bits == 16) png_set_filter(job->png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
     png_write_info(job->png, job->info);
@@ -172,10 +167,10 @@ static int write_rows(struct png_job *job, const struct picture *picture)
     return 0;
 }
 
-static int write_picture(const char *path, const struct picture *picture, char *error, size_t error_size)
-{
+static int write_picture(const char *path, const struct picture *picture, char *error, size_t error_size) {
     struct png_job job = {.path = path, .error = error, .error_size = error_size};
-    if (picture->width < 1 || picture->height < 1 || picture->width > LARGEST_SIDE || picture->height > LARGEST_SIDE)
+    if (picture->width < 1 || picture->height < 1 || picture->width > LARGEST_SIDE ||
+        picture->height > LARGEST_SIDE)
         return fail(path, "picture of impossible size", error, error_size);
     const size_t length = strlen(path);
     char *part = malloc(length + sizeof ".part");
@@ -215,14 +210,14 @@ static int write_picture(const char *path, const struct picture *picture, char *
     return result;
 }
 
-int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error, size_t error_size)
-{
+int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error,
+                       size_t error_size) {
     const struct picture picture = {pixels, width, height, 16, PNG_COLOR_TYPE_GRAY};
     return write_picture(path, &picture, error, error_size);
 }
 
-int image_write_rgb8(const char *path, const uint8_t *pixels, int width, int height, char *error, size_t error_size)
-{
+int image_write_rgb8(const char *path, const uint8_t *pixels, int width, int height, char *error,
+                     size_t error_size) {
     const struct picture picture = {pixels, width, height, 8, PNG_COLOR_TYPE_RGB};
     return write_picture(path, &picture, error, error_size);
 }

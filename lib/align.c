@@ -31,7 +31,7 @@ static void reduce(aligner *a, device *d, depth_maps *maps, int level, const pos
     kernel_pair_limits limits = {(cl_float)(distance * distance), cosf(c->pair_angle_rad), c->huber_m, 0, {{0}}};
     for (int i = 0; i < 3; i++) limits.centre.s[i] = (cl_float)centre[i];
     kernel_rigid rigid = kernel_rigid_of(motion);
-    RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group, ARG(maps->smooth[level].memory),
+    RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group, ARG(maps->depth[level].memory),
         ARG(maps->normals[level].memory), ARG(*camera), ARG(a->model[level].memory), ARG(*camera), ARG(rigid),
         ARG(limits), ARG(a->sums.memory));
     memset(e, 0, sizeof *e);

@@ -1,6 +1,7 @@
 #include "depth_maps.h"
 
 #include <string.h>
+#include <stdlib.h>
 
 #define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
 
@@ -44,15 +45,15 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
                                       1.0f / c->depth_units_per_metre, c->depth_min_m, c->depth_max_m};
     m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
     device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
-    device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->depth);
+    device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
-        device_buffer_make(d, a, (size_t)m->camera[i].plane * 4, &m->smooth[i]);
+        device_buffer_make(d, a, (size_t)m->camera[i].plane * 4, &m->depth[i]);
         device_buffer_make(d, a, (size_t)m->camera[i].plane * 16, &m->normals[i]);
     }
     if (!d->context) return;
-    device_clear(d, &m->depth); /* the margins stay invalid */
+    device_clear(d, &m->smooth); /* the margins stay invalid */
     for (int i = 0; i < FATHOM_LEVELS; i++) {
-        device_clear(d, &m->smooth[i]);
+        device_clear(d, &m->depth[i]);
         device_clear(d, &m->normals[i]);
     }
     m->convert = device_kernel(d, "convert_depth");
@@ -67,9 +68,9 @@ void depth_maps_close(depth_maps *m) {
     for (int i = 0; i < 5; i++)
         if (kernels[i]) clReleaseKernel(kernels[i]);
     device_buffer_free(&m->raw);
-    device_buffer_free(&m->depth);
+    device_buffer_free(&m->smooth);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
-        device_buffer_free(&m->smooth[i]);
+        device_buffer_free(&m->depth[i]);
         device_buffer_free(&m->normals[i]);
     }
 }
@@ -81,25 +82,26 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
     device_unmap(d, &m->raw, raw);
     kernel_camera *c = &m->camera[FINEST];
     RUN(d, m->convert, (size_t)c->width, (size_t)c->height, 0, ARG(m->raw.memory), ARG(m->source), ARG(*c), ARG(m->noise),
-        ARG(m->depth.memory));
-    cl_float reach = SMOOTHING_REACH;
-    RUN(d, m->smoothing, (size_t)(c->width + 7) / 8, (size_t)c->height, 0, ARG(m->depth.memory), ARG(*c), ARG(m->noise),
-        ARG(reach), ARG(m->smooth[FINEST].memory));
+        ARG(m->depth[FINEST].memory));
+    cl_float reach = getenv("REACH") ? atof(getenv("REACH")) : SMOOTHING_REACH;
+    RUN(d, m->smoothing, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->depth[FINEST].memory), ARG(*c),
+        ARG(m->noise), ARG(reach), ARG(m->smooth.memory));
     for (int i = FINEST - 1; i >= coarsest; i--) {
         kernel_camera *f = &m->camera[i + 1];
         c = &m->camera[i];
-        RUN(d, m->halve, (size_t)c->width, (size_t)c->height, 0, ARG(m->smooth[i + 1].memory), ARG(*f), ARG(*c),
-            ARG(m->noise), ARG(m->smooth[i].memory));
+        RUN(d, m->halve, (size_t)c->width, (size_t)c->height, 0, ARG(m->depth[i + 1].memory), ARG(*f), ARG(*c),
+            ARG(m->noise), ARG(m->depth[i].memory));
     }
     for (int i = FINEST; i >= coarsest; i--) {
         c = &m->camera[i];
-        RUN(d, m->normal, (size_t)(c->width + 7) / 8, (size_t)c->height, 0, ARG(m->smooth[i].memory), ARG(*c),
+        device_buffer *from = i == FINEST ? &m->smooth : &m->depth[i];
+        RUN(d, m->normal, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(from->memory), ARG(*c),
             ARG(m->noise), ARG(m->normals[i].memory));
     }
 }
 
 void depth_maps_pack(depth_maps *m, device *d, device_buffer model[FATHOM_LEVELS]) {
     for (int i = 0; i < FATHOM_LEVELS; i++)
-        RUN(d, m->pack, (size_t)m->camera[i].width, (size_t)m->camera[i].height, 0, ARG(m->smooth[i].memory),
+        RUN(d, m->pack, (size_t)m->camera[i].width, (size_t)m->camera[i].height, 0, ARG(m->depth[i].memory),
             ARG(m->normals[i].memory), ARG(m->camera[i]), ARG(model[i].memory));
 }

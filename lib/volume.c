@@ -66,7 +66,7 @@ static cl_int4 *find_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
 void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
     kernel_rigid rigid = kernel_rigid_of(camera_to_world);
     cl_float block_m = v->surface.voxel * BLOCK_EDGE;
-    RUN(d, v->request, (size_t)v->tiles, 1, 0, ARG(maps->depth.memory), ARG(maps->camera[FINEST]), ARG(rigid),
+    RUN(d, v->request, (size_t)v->tiles, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]), ARG(rigid),
         ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask), ARG(v->requests.memory),
         ARG(v->counts.memory));
     v->full = false;
@@ -105,7 +105,7 @@ void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_
 void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid rigid = kernel_rigid_of(&inverse);
-    RUN(d, v->fuse, (size_t)v->count, 1, 0, ARG(maps->depth.memory), ARG(maps->camera[FINEST]), ARG(maps->noise),
+    RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]), ARG(maps->noise),
         ARG(rigid), ARG(v->surface.voxel), ARG(v->surface.truncation), ARG(v->max_weight), ARG(v->blocks.memory),
         ARG(v->voxels.memory));
 }
@@ -118,7 +118,7 @@ void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pos
     RUN(d, v->clear_ranges, tiles, 1, 0, ARG(v->ranges.memory));
     RUN(d, v->range_blocks, (size_t)v->count, 1, 0, ARG(v->blocks.memory), ARG(*camera), ARG(to_camera),
         ARG(v->surface.voxel), ARG(near_m), ARG(far_m), ARG(v->ranges.memory));
-    RUN(d, v->raycast, (size_t)camera->width, (size_t)camera->height, 0, ARG(v->voxels.memory), ARG(v->table.memory),
+    RUN(d, v->raycast, (size_t)camera->width, (size_t)camera->height, 16, ARG(v->voxels.memory), ARG(v->table.memory),
         ARG(v->surface), ARG(*camera), ARG(to_world), ARG(v->ranges.memory), ARG(model->memory));
 }
 

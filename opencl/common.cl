@@ -35,7 +35,7 @@ inline float3 rotate_back(rigid m, float3 v) {
 
 /* Standard deviation of a depth (Nguyen, Izadi, Lovell 2012, eq. 3): noise.x + noise.y (z - 0.4)^2 */
 inline float depth_sigma(float2 noise, float z) {
-    float d = z - 0.4f;
+    float d = z;
     return noise.x + noise.y * d * d;
 }
 

@@ -20,19 +20,47 @@ inline float voxel_at(global const short *voxels, global const int4 *table, surf
     return weight > f.min_weight ? (float)block[at] / TSDF_ONE : NAN;
 }
 
+/* The eight distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. */
+inline bool cube_at(global const short *voxels, global const int4 *table, surface f, int3 i, float8 *cube, int3 *last,
+                    int *place) {
+    int3 in = i & 7;
+    if (all(in < 7)) { /* within one block */
+        int3 b = i >> 3;
+        if (any(b != *last)) {
+            *last = b;
+            *place = find_block(table, f.mask, b);
+        }
+        if (*place < 0) return false;
+        global const short *d = voxels + (size_t)*place * 2 * BLOCK_VOXELS + (in.z * 8 + in.y) * 8 + in.x;
+        global const ushort *w = (global const ushort *)d + BLOCK_VOXELS;
+        ushort8 weights = (ushort8)(vload2(0, w), vload2(0, w + 8), vload2(0, w + 64), vload2(0, w + 72));
+        if (!all(convert_float8(weights) > f.min_weight)) return false;
+        *cube = convert_float8((short8)(vload2(0, d), vload2(0, d + 8), vload2(0, d + 64), vload2(0, d + 72))) * (1.0f / TSDF_ONE);
+        return true;
+    }
+    float c[8];
+    bool seen = true;
+    for (int k = 0; k < 8; k++) {
+        c[k] = voxel_at(voxels, table, f, i + (int3)(k & 1, (k >> 1) & 1, k >> 2), last, place);
+        seen = seen && !isnan(c[k]);
+    }
+    *cube = vload8(0, c);
+    return seen;
+}
+
 /* Trilinear interpolation at p, in voxels; NAN if one of the eight was never seen. */
 inline float distance_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
                          int *place) {
+    float8 c;
     int3 i = convert_int3_rtn(p);
     float3 t = p - convert_float3(i);
-    float c[8];
-    for (int k = 0; k < 8; k++)
-        c[k] = voxel_at(voxels, table, f, i + (int3)(k & 1, (k >> 1) & 1, k >> 2), last, place);
-    float a = mix(mix(c[0], c[1], t.x), mix(c[2], c[3], t.x), t.y);
-    float b = mix(mix(c[4], c[5], t.x), mix(c[6], c[7], t.x), t.y);
-    return mix(a, b, t.z);
+    if (!cube_at(voxels, table, f, i, &c, last, place)) return NAN;
+    float4 x = mix(c.even, c.odd, t.x);
+    float2 y = mix(x.even, x.odd, t.y);
+    return mix(y.x, y.y, t.z);
 }
 
+#ifdef WIDE
 /* The gradient by central differences one voxel wide. NAN where it can't be had. */
 inline float3 gradient_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
                           int *place) {
@@ -45,6 +73,20 @@ inline float3 gradient_at(global const short *voxels, global const int4 *table, 
           distance_at(voxels, table, f, p - (float3)(0, 0, 1), last, place);
     return g;
 }
+#else
+/* The gradient of the trilinear interpolation at p. NAN where it can't be had. */
+inline float3 gradient_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
+                          int *place) {
+    float8 c;
+    int3 i = convert_int3_rtn(p);
+    float3 t = p - convert_float3(i);
+    if (!cube_at(voxels, table, f, i, &c, last, place)) return (float3)(NAN);
+    float4 x = mix(c.even, c.odd, t.x), dx = c.odd - c.even;
+    float2 y = mix(x.even, x.odd, t.y), dy = x.odd - x.even;
+    float2 dxy = mix(dx.even, dx.odd, t.y);
+    return (float3)(mix(dxy.x, dxy.y, t.z), mix(dy.x, dy.y, t.z), y.y - y.x);
+}
+#endif
 
 /* Nearest and farthest depth of any block for each tile of TILE x TILE pixels, so that rays start close to the surface.
  * ranges: two ints a tile, the bits of positive floats, which sort as integers do. First clear_ranges (global size:
@@ -126,7 +168,7 @@ kernel void raycast(global const short *voxels, global const int4 *table, surfac
             t += one_voxel;
             continue;
         }
-        if (fabs(d) < 0.8f) { /* near the surface: between the voxels */
+        if (d < 0.3f) { /* near the surface: between the voxels */
             float fine = distance_at(voxels, table, f, p, &last, &place);
             if (!isnan(fine)) d = fine;
         }

@@ -21,19 +21,19 @@ static struct {
     struct timespec last;
 } progress;
 
-/* One line, written with one call, so that the lines of two threads don't mix; a progress line gives way to it. */
-static void print_line(const char *kind, const char *format, va_list arguments)
-{
+/* One line, written with one call, so that the lines of two threads don't mix; a progress line gives way to
+ * it. */
+static void print_line(const char *kind, const char *format, va_list arguments) {
     char text[1024];
     vsnprintf(text, sizeof text, format, arguments);
     for (char *c = text; *c; c++)
-        if (*c == '\n' || *c == '\r') *c = ' '; /* a file name may hold anything; the message stays one line */
+        if (*c == '\n' || *c == '\r')
+            *c = ' '; /* a file name may hold anything; the message stays one line */
     fprintf(stderr, "%sfathom: %s%s\n", progress.on_line ? "\r\033[K" : "", kind, text);
     progress.on_line = false;
 }
 
-int cli_error(int status, const char *format, ...)
-{
+int cli_error(int status, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     print_line("", format, arguments);
@@ -41,16 +41,14 @@ int cli_error(int status, const char *format, ...)
     return status;
 }
 
-void cli_note(const char *format, ...)
-{
+void cli_note(const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     print_line("note: ", format, arguments);
     va_end(arguments);
 }
 
-void cli_warning(const char *format, ...)
-{
+void cli_warning(const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     print_line("warning: ", format, arguments);
@@ -59,8 +57,7 @@ void cli_warning(const char *format, ...)
 
 /* ---- Arguments ---- */
 
-bool cli_parse_long(const char *option, const char *text, long low, long high, long *value)
-{
+bool cli_parse_long(const char *option, const char *text, long low, long high, long *value) {
     char *end = NULL;
     errno = 0;
     const long v = strtol(text, &end, 10);
@@ -76,8 +73,7 @@ bool cli_parse_long(const char *option, const char *text, long low, long high, l
     return true;
 }
 
-bool cli_parse_double(const char *option, const char *text, double low, double high, double *value)
-{
+bool cli_parse_double(const char *option, const char *text, double low, double high, double *value) {
     char *end = NULL;
     const double v = strtod(text, &end);
     if (end == text || *end || isnan(v)) {
@@ -96,45 +92,42 @@ bool cli_parse_double(const char *option, const char *text, double low, double h
 
 static volatile sig_atomic_t interrupted;
 
-static void on_interrupt(int signal_number)
-{
+static void on_interrupt(int signal_number) {
     (void)signal_number;
     interrupted = 1;
 }
 
-void cli_catch_interrupt(void)
-{
+void cli_catch_interrupt(void) {
     struct sigaction action;
     memset(&action, 0, sizeof action);
     action.sa_handler = on_interrupt;
-    /* SA_RESETHAND: the second Ctrl-C finds the default action, which kills. SA_RESTART: a write isn't cut short. */
+    /* SA_RESETHAND: the second Ctrl-C finds the default action, which kills. SA_RESTART: a write isn't cut
+     * short. */
     action.sa_flags = (int)SA_RESETHAND | SA_RESTART;
     sigemptyset(&action.sa_mask);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
 }
 
-bool cli_interrupted(void)
-{
+bool cli_interrupted(void) {
     return interrupted != 0;
 }
 
 /* ---- Progress ---- */
 
-void cli_progress_start(const char *what, long total, bool forced)
-{
+void cli_progress_start(const char *what, long total, bool forced) {
     memset(&progress, 0, sizeof progress);
     progress.what = what;
     progress.total = total;
     progress.shown = forced || isatty(STDERR_FILENO);
 }
 
-void cli_progress(long done, const char *detail)
-{
+void cli_progress(long done, const char *detail) {
     if (!progress.shown) return;
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
-    const double since = (double)(now.tv_sec - progress.last.tv_sec) + 1e-9 * (double)(now.tv_nsec - progress.last.tv_nsec);
+    const double since =
+        (double)(now.tv_sec - progress.last.tv_sec) + 1e-9 * (double)(now.tv_nsec - progress.last.tv_nsec);
     if (since < 0.1 && done < progress.total) return;
     progress.last = now;
     const bool terminal = isatty(STDERR_FILENO);
@@ -146,8 +139,7 @@ void cli_progress(long done, const char *detail)
     fflush(stderr);
 }
 
-void cli_progress_end(void)
-{
+void cli_progress_end(void) {
     if (progress.on_line) fputc('\n', stderr);
     progress.on_line = false;
     progress.shown = false;

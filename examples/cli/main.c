@@ -20,8 +20,7 @@ static const struct command {
 
 #define COMMANDS (sizeof commands / sizeof commands[0])
 
-static int help(void)
-{
+static int help(void) {
     puts("usage: fathom COMMAND [options]\n");
     for (size_t i = 0; i < COMMANDS; i++) printf("    %-10s %s\n", commands[i].name, commands[i].says);
     puts("\n    fathom COMMAND --help   the command's options\n    fathom --version        the version");
@@ -29,18 +28,17 @@ static int help(void)
 }
 
 /* What was printed may still be in stdio's buffer; a full disk behind stdout is a failure like any other. */
-static int finish(int status)
-{
+static int finish(int status) {
     if (fflush(stdout) || ferror(stdout)) {
         if (status == CLI_DONE) return cli_error(CLI_FAILED, "standard output: %s", strerror(errno));
     }
     return status;
 }
 
-int main(int argc, char **argv)
-{
+int main(int argc, char **argv) {
     if (argc < 2) return cli_error(CLI_USAGE, "no command given; fathom --help lists them");
-    if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h") || !strcmp(argv[1], "help")) return finish(help());
+    if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h") || !strcmp(argv[1], "help"))
+        return finish(help());
     if (!strcmp(argv[1], "--version")) {
         printf("fathom %s\n", fathom_version());
         return finish(CLI_DONE);

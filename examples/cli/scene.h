@@ -1,5 +1,6 @@
-/* The simulated scenes: unions of convex solids inside a closed box, as signed distances known in closed form, so that
- * the error of a reconstructed surface is simply |scene_distance| at its vertices. World axes: metres, z up, floor z=0. */
+/* The simulated scenes: unions of convex solids inside a closed box, as signed distances known in closed
+ * form, so that the error of a reconstructed surface is simply |scene_distance| at its vertices. World axes:
+ * metres, z up, floor z=0. */
 #ifndef FATHOM_SCENE_H
 #define FATHOM_SCENE_H
 
@@ -9,10 +10,11 @@
 
 enum scene_kind { SCENE_ROOM, SCENE_WALL, SCENE_DESK, SCENE_CORRIDOR };
 
-/* The solids. In its own axes each is centred on the origin; all are convex, which the renderer relies on: along a
- * ray the distance to a convex solid is a convex function (it is the distance to a convex set). */
+/* The solids. In its own axes each is centred on the origin; all are convex, which the renderer relies on:
+ * along a ray the distance to a convex solid is a convex function (it is the distance to a convex set). */
 enum solid_kind {
-    SOLID_BOX,      /* half sizes a, b, c along x, y, z, edges rounded with radius `round` (within the half sizes) */
+    SOLID_BOX, /* half sizes a, b, c along x, y, z, edges rounded with radius `round` (within the half sizes)
+                */
     SOLID_SPHERE,   /* radius a */
     SOLID_CYLINDER, /* radius a, half length c along z, rim rounded with radius `round` */
     SOLID_CONE      /* frustum along z, radius a at -c and b at +c */
@@ -22,8 +24,8 @@ struct solid {
     enum solid_kind kind;
     double a, b, c, round;
     double centre[3];
-    double axes[9];    /* row-major; rows are the solid's axes in the world, so local = axes (world - centre) */
-    double bound;      /* radius of a sphere about the centre that holds the solid */
+    double axes[9]; /* row-major; rows are the solid's axes in the world, so local = axes (world - centre) */
+    double bound;   /* radius of a sphere about the centre that holds the solid */
     double low_x, high_x; /* reach along the world's x */
 };
 
@@ -42,16 +44,17 @@ struct scene {
 bool scene_kind_of(const char *name, enum scene_kind *kind);
 const char *scene_name(enum scene_kind kind);
 
-/* Builds a scene. The seed moves and sizes its furniture; length (metres, 4 at least) is the corridor's and else ignored.
- * False when out of memory. scene_free releases it. */
+/* Builds a scene. The seed moves and sizes its furniture; length (metres, 4 at least) is the corridor's and
+ * else ignored. False when out of memory. scene_free releases it. */
 bool scene_make(struct scene *scene, enum scene_kind kind, uint64_t seed, double length);
 void scene_free(struct scene *scene);
 
-/* Signed distance in metres to the nearest surface, positive in the free space. Exact in the free space (a minimum of
- * exact distances); inside solids exact wherever they don't overlap. */
+/* Signed distance in metres to the nearest surface, positive in the free space. Exact in the free space (a
+ * minimum of exact distances); inside solids exact wherever they don't overlap. */
 double scene_distance(const struct scene *scene, double x, double y, double z);
 
-/* Unit gradient of scene_distance: on a surface, its normal towards the free space. By central differences. */
+/* Unit gradient of scene_distance: on a surface, its normal towards the free space. By central differences.
+ */
 void scene_normal(const struct scene *scene, double x, double y, double z, double normal[3]);
 
 /* Distance from a point in the solid's own axes to the solid. */
@@ -61,12 +64,13 @@ double solid_distance(const struct solid *solid, double x, double y, double z);
 enum { AXIS_X, AXIS_Y, AXIS_Z };
 void scene_box(struct scene *scene, double x, double y, double z, double size_x, double size_y, double size_z,
                double yaw, double round);
-void scene_tilted_box(struct scene *scene, double x, double y, double z, double size_x, double size_y, double size_z,
-                      double yaw, double pitch, double roll, double round);
+void scene_tilted_box(struct scene *scene, double x, double y, double z, double size_x, double size_y,
+                      double size_z, double yaw, double pitch, double roll, double round);
 void scene_sphere(struct scene *scene, double x, double y, double z, double radius);
 void scene_cylinder(struct scene *scene, double x, double y, double z, double radius, double length, int axis,
                     double round);
-void scene_cone(struct scene *scene, double x, double y, double z, double low_radius, double high_radius, double height);
+void scene_cone(struct scene *scene, double x, double y, double z, double low_radius, double high_radius,
+                double height);
 
 /* A uniform number in [low, high) that depends on the scene's seed and the two indices only. */
 double scene_random(const struct scene *scene, uint64_t place, uint64_t index, double low, double high);
@@ -77,8 +81,9 @@ void scene_furnish_desk(struct scene *scene);
 void scene_furnish_wall(struct scene *scene);
 void scene_furnish_corridor(struct scene *scene);
 
-/* Half the length, along the world's x about 0, that the wall scene leaves bare, metres; and the y of that wall. */
-#define SCENE_WALL_BARE 1.35
+/* Half the length, along the world's x about 0, that the wall scene leaves bare, metres; and the y of that
+ * wall. */
+#define SCENE_WALL_BARE 1.2
 #define SCENE_WALL_Y 1.2
 
 #endif

@@ -1,0 +1,18 @@
+/* What a structured-light depth camera (Kinect) makes of true depth. */
+#ifndef FATHOM_SENSOR_NOISE_H
+#define FATHOM_SENSOR_NOISE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Standard deviation of the depth of a surface seen head-on at z metres: Nguyen, Izadi, Lovell 2012,
+ * "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 3DIMPVT. */
+double sensor_axial_sigma(double z);
+
+/* Turns true depth (metres, 0 where there is none) into measured depth, in place. cosine: of the angle
+ * between ray and normal, as render_depth gives it. scale: pixels of this picture to those of the 640x480
+ * sensor (width / 640). The result depends on seed, frame and the input only. False when out of memory. */
+bool sensor_measure(float *depth, const float *cosine, int width, int height, double scale, uint64_t seed,
+                    uint64_t frame);
+
+#endif

@@ -1,0 +1,127 @@
+#include "settings.h"
+#include "cli.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+const char settings_help[] =
+    "    --depth-scale N            depth units a metre (5000 TUM, 1000 millimetres); overrides rig.txt\n"
+    "    --intrinsics FX,FY,CX,CY   pixels; overrides calibration.txt\n"
+    "    --translation on|off       inertial translation (default on)\n"
+    "    --against model|previous   align with the ray-cast surface (default) or with the frame before\n"
+    "    --iterations A,B,C         most iterations at the coarsest..finest level, each 0..100\n"
+    "    --voxel M                  voxel size, metres (default 0.01)\n"
+    "    --memory MB                most memory, host and device together (default 128; MB is 2^20)\n"
+    "    --size WxH                 alignment resolution: the depth size over a whole number\n"
+    "    --threads N                threads of the OpenCL device, where it lets them be set (PoCL)\n"
+    "    --device NAME              part of an OpenCL platform's or device's name, or cpu, or gpu\n";
+
+void settings_start(struct settings *settings)
+{
+    *settings = (struct settings){.config = fathom_config_default()};
+}
+
+static int take_choice(const char *option, const char *text, const char *first, const char *second)
+{
+    if (strcmp(text, first) == 0) return 0;
+    if (strcmp(text, second) == 0) return 1;
+    cli_error(CLI_USAGE, "%s: '%s' is neither %s nor %s", option, text, first, second);
+    return -1;
+}
+
+/* PoCL reads these when its device starts; the first is the older name. */
+static bool set_threads(const char *option, const char *text)
+{
+    long threads;
+    char number[24];
+    if (!cli_parse_long(option, text, 1, 1024, &threads)) return false;
+    snprintf(number, sizeof number, "%ld", threads);
+    setenv("POCL_MAX_PTHREAD_COUNT", number, 1);
+    setenv("POCL_CPU_MAX_CU_COUNT", number, 1);
+    return true;
+}
+
+static bool set_iterations(const char *option, const char *text, fathom_config *config)
+{
+    double counts[FATHOM_LEVELS];
+    if (!parse_numbers(option, text, FATHOM_LEVELS, 0, 100, counts)) return false;
+    int sum = 0;
+    for (int i = 0; i < FATHOM_LEVELS; i++) {
+        const int count = (int)counts[i];
+        if (count != counts[i]) {
+            cli_error(CLI_USAGE, "%s: '%s' are not whole numbers", option, text);
+            return false;
+        }
+        config->iterations[i] = config->seeded_iterations[i] = count;
+        sum += count;
+    }
+    if (!sum) cli_error(CLI_USAGE, "%s: '%s' leaves no iteration at all", option, text);
+    return sum > 0;
+}
+
+int settings_take(struct settings *settings, struct options *options)
+{
+    enum key {
+        DEPTH_SCALE,
+        INTRINSICS,
+        TRANSLATION,
+        AGAINST,
+        ITERATIONS,
+        VOXEL,
+        MEMORY,
+        SIZE,
+        THREADS,
+        DEVICE,
+        KEYS
+    };
+    static const char *const names[KEYS] = {"--depth-scale", "--intrinsics", "--translation", "--against",
+                                            "--iterations",  "--voxel",      "--memory",      "--size",
+                                            "--threads",     "--device"};
+    fathom_config *config = &settings->config;
+    int key = 0;
+    while (key < KEYS && strcmp(names[key], options->name) != 0) key++;
+    if (key == KEYS) return 0;
+    const char *name = names[key], *value = options_value(options);
+    double number = 0;
+    int choice = 0;
+    bool good = value != NULL;
+    if (!good) return -1;
+    switch ((enum key)key) {
+    case DEPTH_SCALE:
+        good = cli_parse_double(name, value, 1, 1e6, &settings->depth_scale);
+        config->depth_units_per_metre = (float)settings->depth_scale;
+        break;
+    case INTRINSICS:
+        good = parse_numbers(name, value, 4, 1e-3, 1e5, settings->intrinsics);
+        config->fx = (float)settings->intrinsics[0];
+        config->fy = (float)settings->intrinsics[1];
+        config->cx = (float)settings->intrinsics[2];
+        config->cy = (float)settings->intrinsics[3];
+        break;
+    case TRANSLATION:
+        choice = take_choice(name, value, "on", "off");
+        good = choice >= 0;
+        config->imu_translation = choice == 0;
+        break;
+    case AGAINST:
+        choice = take_choice(name, value, "model", "previous");
+        good = choice >= 0;
+        config->against = choice ? FATHOM_AGAINST_PREVIOUS : FATHOM_AGAINST_MODEL;
+        break;
+    case ITERATIONS: good = set_iterations(name, value, config); break;
+    case VOXEL:
+        good = cli_parse_double(name, value, 0.001, 1, &number);
+        config->voxel_m = (float)number;
+        break;
+    case MEMORY:
+        good = cli_parse_double(name, value, 1, 1 << 20, &number);
+        config->memory_cap_bytes = (int64_t)(number * (1 << 20));
+        break;
+    case SIZE: good = parse_size(name, value, 8, 4096, &config->align_width, &config->align_height); break;
+    case THREADS: good = set_threads(name, value); break;
+    case DEVICE: config->device = value; break;
+    case KEYS: break;
+    }
+    return good ? 1 : -1;
+}

@@ -1,0 +1,21 @@
+/* The trajectory file: TUM lines, `t tx ty tz qx qy qz qw`, camera to world, on the disk as soon as they are
+ * known. */
+#ifndef FATHOM_CLI_TRAJECTORY_H
+#define FATHOM_CLI_TRAJECTORY_H
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+
+struct trajectory {
+    const char *path;
+    FILE *file;
+};
+
+/* Each returns false after saying what went wrong; then the file is closed, whole up to the last good line. A
+ * trajectory without a file takes everything and does nothing. */
+bool trajectory_open(struct trajectory *trajectory, const char *path);
+bool trajectory_add(struct trajectory *trajectory, int64_t timestamp_ns, const float pose[16]);
+bool trajectory_close(struct trajectory *trajectory);
+
+#endif
