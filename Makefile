@@ -5,7 +5,7 @@ BUILD    ?= build
 PREFIX   ?= /usr/local
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
-                  libpng-dev libcmocka-dev oclgrind python3
+                  libpng-dev libcmocka-dev oclgrind python3 python3-venv
 
 VERSION_MAJOR := $(shell sed -n 's/.define FATHOM_VERSION_MAJOR *//p' lib/fathom.h)
 VERSION_MINOR := $(shell sed -n 's/.define FATHOM_VERSION_MINOR *//p' lib/fathom.h)
@@ -76,5 +76,73 @@ $(DRIVERS_A): $(DRIVERS_OBJ)
 
 $(BUILD)/fathom: $(CLI_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a
 	$(CXX) -o $@ $(CLI_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
+
+
+# ---- house ----------------------------------------------------------------------------------------------------------
+
+help:
+	@echo "make            build/fathom (the command), build/libfathom.so, .a, build/libfathom-drivers.a"
+	@echo "make deps       install the Debian packages that are missing"
+	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
+	@echo "make check      all tests; ends with 'N passed, N failed'"
+	@echo "make bench      speed beside other systems, as ratios in one run"
+	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
+	@echo "make clean      remove build/ and out/"
+
+deps:
+	@missing=""; for p in $(DEBIAN_PACKAGES); do \
+	    dpkg-query -W -f '$${Status}' $$p 2>/dev/null | grep -q 'ok installed' || missing="$$missing $$p"; done; \
+	if [ -z "$$missing" ]; then exit 0; fi; \
+	command -v apt-get >/dev/null || { echo "make deps: no apt-get here; install the counterparts of:$$missing" >&2; exit 1; }; \
+	if [ "$$(id -u)" = 0 ]; then as=""; elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then as="sudo"; \
+	else echo "make deps: run this as root: apt-get install -y --no-install-recommends$$missing" >&2; exit 1; fi; \
+	echo "make deps: installing$$missing"; \
+	$$as apt-get update -q >/dev/null && DEBIAN_FRONTEND=noninteractive $$as apt-get install -y -q --no-install-recommends $$missing >/dev/null
+
+# What is built after deps may need what deps has just installed, so it is a make of its own.
+demo: deps
+	@$(MAKE) --no-print-directory all
+	sh examples/demo.sh $(BUILD)
+
+bench: deps
+	@$(MAKE) --no-print-directory all
+	sh tests/bench/bench.sh $(BUILD)
+
+install: all
+	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include $(DESTDIR)$(PREFIX)/bin
+	install -m 755 $(LIB_SO) $(DESTDIR)$(PREFIX)/lib/
+	ln -sf libfathom.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/libfathom.so.$(VERSION_MAJOR)
+	ln -sf libfathom.so.$(VERSION_MAJOR) $(DESTDIR)$(PREFIX)/lib/libfathom.so
+	install -m 644 $(BUILD)/libfathom.a $(DRIVERS_A) $(DESTDIR)$(PREFIX)/lib/
+	install -m 644 lib/fathom.h drivers/fathom_drivers.h $(DESTDIR)$(PREFIX)/include/
+	install -m 755 $(BUILD)/fathom $(DESTDIR)$(PREFIX)/bin/
+	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' lib/fathom.pc.in > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
+
+uninstall:
+	rm -f $(DESTDIR)$(PREFIX)/lib/libfathom.so* $(DESTDIR)$(PREFIX)/lib/libfathom.a $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.a
+	rm -f $(DESTDIR)$(PREFIX)/include/fathom.h $(DESTDIR)$(PREFIX)/include/fathom_drivers.h
+	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
+
+clean:
+	rm -rf build out
+
+# ---- tests ----------------------------------------------------------------------------------------------------------
+# tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
+
+TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(sort $(wildcard tests/test_*.c)))
+SUPPORT_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c)))
+CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
+
+$(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
+	$(CXX) -o $@ $< $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
+
+.PHONY: tests
+.SECONDARY:
+tests: $(TESTS)
+
+check: deps
+	@$(MAKE) --no-print-directory all tests
+	@$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize SANITIZE=address,undefined OPTIMISE='-O1 -g' all tests
+	sh tests/run.sh $(BUILD)
 
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)

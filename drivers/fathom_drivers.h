@@ -74,29 +74,29 @@ typedef struct {
 typedef struct {
     const char *folder;
 
-    int width, height;            /* pixels, of the first depth frame */
-    double intrinsics[4];         /* fx fy cx cy, pixels */
-    double distortion[5];         /* k1 k2 p1 p2 k3 (Brown-Conrady, OpenCV's order) */
+    int width, height;    /* pixels, of the first depth frame */
+    double intrinsics[4]; /* fx fy cx cy, pixels */
+    double distortion[5]; /* k1 k2 p1 p2 k3 (Brown-Conrady, OpenCV's order) */
     double depth_units_per_metre;
-    bool intrinsics_assumed;      /* no calibration.txt, no option: the TUM default was taken */
-    bool depth_units_assumed;     /* not in rig.txt, no option: 5000 (TUM, ETH3D) was taken */
+    bool intrinsics_assumed;  /* no calibration.txt, no option: the TUM default was taken */
+    bool depth_units_assumed; /* not in rig.txt, no option: 5000 (TUM, ETH3D) was taken */
 
     double imu_to_camera_rotation[9];    /* row-major: v_camera = R v_imu */
     double imu_to_camera_translation[3]; /* metres, the IMU's origin in camera axes */
     int64_t imu_clock_offset_ns;         /* added to an IMU stamp to get the depth clock */
     double gravity;                      /* m/s^2; 0: not given */
 
-    bool has_color_intrinsics;           /* rig.txt has them; else colour is registered or unknown */
-    double color_intrinsics[4];          /* fx fy cx cy, pixels */
-    double color_to_depth_rotation[9];   /* row-major: v_depth = R v_color + t */
+    bool has_color_intrinsics;            /* rig.txt has them; else colour is registered or unknown */
+    double color_intrinsics[4];           /* fx fy cx cy, pixels */
+    double color_to_depth_rotation[9];    /* row-major: v_depth = R v_color + t */
     double color_to_depth_translation[3]; /* metres */
 
     int frame_count;
     const fathom_recording_frame *frames; /* by time */
     int imu_count;
-    const fathom_imu_sample *imu;         /* by time, IMU clock, as fathom_push_imu takes them */
+    const fathom_imu_sample *imu; /* by time, IMU clock, as fathom_push_imu takes them */
     int pose_count;
-    const fathom_recording_pose *poses;   /* by time */
+    const fathom_recording_pose *poses; /* by time */
 } fathom_recording;
 
 /* Opens a folder: reads its text files, the size of its first depth frame and, when nobody stated the depth

@@ -8,14 +8,16 @@
 /* Each returns 0, or -1 with one line in error that names the file and what was wrong. */
 
 /* Reads a greyscale PNG of 16 (or 8) bits into pixels, row by row, at most capacity pixels; its size into *width, *height. */
-int image_read_gray16(const char *path, uint16_t *pixels, size_t capacity, int *width, int *height, char *error,
-                      size_t error_size);
+int image_read_gray16(const char *path, uint16_t *pixels, size_t capacity, int *width, int *height,
+                      char *error, size_t error_size);
 
 /* Reads only the size. */
 int image_read_size(const char *path, int *width, int *height, char *error, size_t error_size);
 
 /* Writes width x height pixels; the file appears whole or not at all (written beside its place, then renamed). */
-int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error, size_t error_size);
-int image_write_rgb8(const char *path, const uint8_t *pixels, int width, int height, char *error, size_t error_size);
+int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error,
+                       size_t error_size);
+int image_write_rgb8(const char *path, const uint8_t *pixels, int width, int height, char *error,
+                     size_t error_size);
 
 #endif

@@ -15,24 +15,21 @@ static const double tum_intrinsics[4] = {525, 525, 319.5, 239.5};
 static const double tum_depth_units = 5000;
 
 static void say(const struct recording *recording, fathom_log_level level, const char *format,
-                va_list arguments)
-{
+                va_list arguments) {
     char text[1024];
     if (!recording->log) return;
     vsnprintf(text, sizeof text, format, arguments);
     recording->log(recording->log_user, level, text);
 }
 
-void recording_say(const struct recording *recording, fathom_log_level level, const char *format, ...)
-{
+void recording_say(const struct recording *recording, fathom_log_level level, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     say(recording, level, format, arguments);
     va_end(arguments);
 }
 
-int recording_fail(const struct recording *recording, int code, const char *format, ...)
-{
+int recording_fail(const struct recording *recording, int code, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     say(recording, FATHOM_LOG_ERROR, format, arguments);
@@ -40,8 +37,7 @@ int recording_fail(const struct recording *recording, int code, const char *form
     return code;
 }
 
-char *recording_path(const struct recording *recording, const char *file)
-{
+char *recording_path(const struct recording *recording, const char *file) {
     if (*file == '/') return strdup(file);
     const size_t size = strlen(recording->folder) + strlen(file) + 2;
     char *path = malloc(size);
@@ -49,8 +45,7 @@ char *recording_path(const struct recording *recording, const char *file)
     return path;
 }
 
-static int find_size(struct recording *recording)
-{
+static int find_size(struct recording *recording) {
     char error[512];
     char *path = recording_path(recording, recording->frames[0].file);
     if (!path) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
@@ -62,8 +57,7 @@ static int find_size(struct recording *recording)
 
 /* The options' intrinsics, else the file's (there already), else TUM's. A principal point at the middle of
  * the pixels of one size lies at the middle of the other's: cx + 0.5 scales. */
-static int settle_intrinsics(struct recording *recording, const fathom_recording_options *options)
-{
+static int settle_intrinsics(struct recording *recording, const fathom_recording_options *options) {
     fathom_recording *shown = &recording->shown;
     const double *given = options->intrinsics;
     if (given[0] != 0 || given[1] != 0 || given[2] != 0 || given[3] != 0) {
@@ -84,8 +78,7 @@ static int settle_intrinsics(struct recording *recording, const fathom_recording
     return FATHOM_OK;
 }
 
-static int settle_depth_scale(struct recording *recording, const fathom_recording_options *options)
-{
+static int settle_depth_scale(struct recording *recording, const fathom_recording_options *options) {
     fathom_recording *shown = &recording->shown;
     if (options->depth_units_per_metre != 0) {
         if (!(options->depth_units_per_metre >= 1 && options->depth_units_per_metre <= 1e6))
@@ -101,8 +94,7 @@ static int settle_depth_scale(struct recording *recording, const fathom_recordin
     return FATHOM_OK;
 }
 
-static int read_all(struct recording *recording, const fathom_recording_options *options)
-{
+static int read_all(struct recording *recording, const fathom_recording_options *options) {
     int result = recording_read_frames(recording);
     if (!result) result = find_size(recording);
     if (!result) result = recording_read_calibration(recording);
@@ -115,8 +107,8 @@ static int read_all(struct recording *recording, const fathom_recording_options 
     return result;
 }
 
-int fathom_recording_open(fathom_recording **out, const char *folder, const fathom_recording_options *options)
-{
+int fathom_recording_open(fathom_recording **out, const char *folder,
+                          const fathom_recording_options *options) {
     static const fathom_recording_options none = {0};
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     if (!options) options = &none;
@@ -150,8 +142,7 @@ int fathom_recording_open(fathom_recording **out, const char *folder, const fath
     return result;
 }
 
-void fathom_recording_close(fathom_recording *shown)
-{
+void fathom_recording_close(fathom_recording *shown) {
     struct recording *recording = (struct recording *)shown;
     if (!recording) return;
     for (int i = 0; i < shown->frame_count; i++) free((char *)recording->frames[i].file);
@@ -162,8 +153,7 @@ void fathom_recording_close(fathom_recording *shown)
     free(recording);
 }
 
-void fathom_recording_configure(const fathom_recording *recording, fathom_config *config)
-{
+void fathom_recording_configure(const fathom_recording *recording, fathom_config *config) {
     config->depth_width = recording->width;
     config->depth_height = recording->height;
     config->fx = (float)recording->intrinsics[0];
@@ -180,8 +170,7 @@ void fathom_recording_configure(const fathom_recording *recording, fathom_config
     if (recording->gravity > 0) config->gravity = (float)recording->gravity;
 }
 
-int fathom_recording_read_depth(const fathom_recording *shown, int index, uint16_t *pixels)
-{
+int fathom_recording_read_depth(const fathom_recording *shown, int index, uint16_t *pixels) {
     const struct recording *recording = (const struct recording *)shown;
     char error[512];
     int width = 0, height = 0, result = FATHOM_OK;

@@ -15,8 +15,7 @@ struct list {
 };
 
 /* Room for one more item at the end; NULL without memory. */
-static void *list_more(struct list *list)
-{
+static void *list_more(struct list *list) {
     if (list->count == list->capacity) {
         const int capacity = list->capacity ? 2 * list->capacity : 1024;
         void *items = realloc(list->items, (size_t)capacity * list->item_size);
@@ -33,8 +32,7 @@ enum order { ORDER_KEEP, ORDER_SKIP, ORDER_REPLACE };
 /* Normally the one that goes back is the wrong one. But when the record before it had leapt ahead by more
  * than a second and this one fits in front of it, then that leap was the error; skipping would throw the
  * whole rest of the file away. */
-static enum order judge_order(const struct list *list, int64_t stamp)
-{
+static enum order judge_order(const struct list *list, int64_t stamp) {
     const int64_t leap_ns = 1000000000;
     const char *items = list->items;
     int64_t last, before;
@@ -49,8 +47,7 @@ static enum order judge_order(const struct list *list, int64_t stamp)
 /* ---- depth.txt ----------------------------------------------------------------------------------------- */
 
 static int read_frame_line(struct recording *recording, const char *path, struct text_file *text,
-                           struct list *list, int *skipped, int *first_skipped)
-{
+                           struct list *list, int *skipped, int *first_skipped) {
     int64_t stamp;
     if (!text_stamp(text, &stamp))
         return recording_fail(recording, FATHOM_ERROR_CONFIG, "%s:%d: expected `t file`, t in seconds", path,
@@ -77,8 +74,7 @@ static int read_frame_line(struct recording *recording, const char *path, struct
     return FATHOM_OK;
 }
 
-int recording_read_frames(struct recording *recording)
-{
+int recording_read_frames(struct recording *recording) {
     struct list list = {.item_size = sizeof(fathom_recording_frame)};
     struct text_file text;
     int skipped = 0, first_skipped = 0, result = FATHOM_OK;
@@ -115,16 +111,14 @@ struct faults {
     int unreadable, not_finite, out_of_order, first_line;
 };
 
-static void count_fault(struct faults *faults, int *kind, int line)
-{
+static void count_fault(struct faults *faults, int *kind, int line) {
     if (!faults->first_line) faults->first_line = line;
     (*kind)++;
 }
 
 /* Reads a stamp and exactly 'count' finite numbers; false (and counted) for a line that is to be left out. */
 static bool read_numbers(struct text_file *text, int64_t *stamp, double *values, int count,
-                         struct faults *faults)
-{
+                         struct faults *faults) {
     bool whole = text_stamp(text, stamp), finite = true;
     for (int i = 0; i < count && whole; i++) {
         whole = text_number(text, &values[i]);
@@ -141,8 +135,7 @@ static bool read_numbers(struct text_file *text, int64_t *stamp, double *values,
 
 /* Makes room for the record, or not, as its stamp allows. Returns false without memory; *item is NULL for a
  * line to be left out. */
-static bool place(struct list *list, int64_t stamp, struct faults *faults, int line, void **item)
-{
+static bool place(struct list *list, int64_t stamp, struct faults *faults, int line, void **item) {
     *item = NULL;
     const enum order order = judge_order(list, stamp);
     if (order != ORDER_KEEP) count_fault(faults, &faults->out_of_order, line);
@@ -152,8 +145,7 @@ static bool place(struct list *list, int64_t stamp, struct faults *faults, int l
     return *item != NULL;
 }
 
-static bool take_imu(struct text_file *text, struct list *list, struct faults *faults)
-{
+static bool take_imu(struct text_file *text, struct list *list, struct faults *faults) {
     int64_t stamp;
     double v[6];
     void *item;
@@ -165,8 +157,7 @@ static bool take_imu(struct text_file *text, struct list *list, struct faults *f
     return true;
 }
 
-static bool take_pose(struct text_file *text, struct list *list, struct faults *faults)
-{
+static bool take_pose(struct text_file *text, struct list *list, struct faults *faults) {
     int64_t stamp;
     double v[7];
     void *item;
@@ -185,8 +176,7 @@ static bool take_pose(struct text_file *text, struct list *list, struct faults *
 
 /* Reads a whole file by 'take', which returns false without memory. */
 static int read_list(struct recording *recording, const char *path, bool may_be_missing, struct list *list,
-                     bool (*take)(struct text_file *, struct list *, struct faults *))
-{
+                     bool (*take)(struct text_file *, struct list *, struct faults *)) {
     struct text_file text;
     struct faults faults = {0};
     int result = FATHOM_OK;
@@ -209,8 +199,7 @@ static int read_list(struct recording *recording, const char *path, bool may_be_
     return result;
 }
 
-int recording_read_imu(struct recording *recording, const char *path)
-{
+int recording_read_imu(struct recording *recording, const char *path) {
     struct list list = {.item_size = sizeof(fathom_imu_sample)};
     char *own = path ? strdup(path) : recording_path(recording, "imu.txt");
     if (!own) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
@@ -222,8 +211,7 @@ int recording_read_imu(struct recording *recording, const char *path)
     return result;
 }
 
-int recording_read_poses(struct recording *recording)
-{
+int recording_read_poses(struct recording *recording) {
     struct list list = {.item_size = sizeof(fathom_recording_pose)};
     char *path = recording_path(recording, "groundtruth.txt");
     if (!path) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);

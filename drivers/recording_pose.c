@@ -4,8 +4,7 @@
 #include <math.h>
 
 /* Spherical linear interpolation (Shoemake 1985) from a to b; s in 0..1. */
-static void slerp(const double a[4], const double b[4], double s, double out[4])
-{
+static void slerp(const double a[4], const double b[4], double s, double out[4]) {
     double dot = 0, norm = 0;
     for (int i = 0; i < 4; i++) dot += a[i] * b[i];
     const double sign = dot < 0 ? -1 : 1; /* the shorter way round */
@@ -23,8 +22,7 @@ static void slerp(const double a[4], const double b[4], double s, double out[4])
 }
 
 int fathom_recording_pose_at(const fathom_recording *recording, int64_t timestamp_ns,
-                             fathom_recording_pose *pose)
-{
+                             fathom_recording_pose *pose) {
     const int64_t widest_gap_ns = 40000000, furthest_ns = 20000000;
     if (!recording || !pose) return FATHOM_ERROR_ARGUMENT;
     const fathom_recording_pose *poses = recording->poses;

@@ -7,8 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-const char *recording_intrinsics_fault(const double intrinsics[4], int width, int height)
-{
+const char *recording_intrinsics_fault(const double intrinsics[4], int width, int height) {
     const double fx = intrinsics[0], fy = intrinsics[1], cx = intrinsics[2], cy = intrinsics[3];
     for (int i = 0; i < 4; i++)
         if (!isfinite(intrinsics[i])) return "must be finite";
@@ -24,8 +23,7 @@ const char *recording_intrinsics_fault(const double intrinsics[4], int width, in
 
 /* ---- calibration.txt ----------------------------------------------------------------------------------- */
 
-static int read_calibration_line(struct recording *recording, const char *path, struct text_file *text)
-{
+static int read_calibration_line(struct recording *recording, const char *path, struct text_file *text) {
     fathom_recording *shown = &recording->shown;
     double v[9] = {0};
     int count = 0;
@@ -49,8 +47,7 @@ static int read_calibration_line(struct recording *recording, const char *path, 
     return FATHOM_OK;
 }
 
-int recording_read_calibration(struct recording *recording)
-{
+int recording_read_calibration(struct recording *recording) {
     struct text_file text;
     int result = FATHOM_OK;
     char *path = recording_path(recording, "calibration.txt");
@@ -74,8 +71,7 @@ int recording_read_calibration(struct recording *recording)
 /* ---- rig.txt ------------------------------------------------------------------------------------------- */
 
 /* Rodrigues' formula for a rotation vector in degrees. */
-static void rotation_from_degrees(const double degrees[3], double r[9])
-{
+static void rotation_from_degrees(const double degrees[3], double r[9]) {
     const double to_radians = acos(-1.0) / 180;
     const double x = degrees[0] * to_radians, y = degrees[1] * to_radians, z = degrees[2] * to_radians;
     const double angle = sqrt(x * x + y * y + z * z);
@@ -114,8 +110,7 @@ static const struct {
     [RIG_COLOR_TRANSLATION] = {"color_to_depth_translation", 3, -10, 10},
 };
 
-static void set_rig(struct recording *recording, enum rig_key key, const double v[4])
-{
+static void set_rig(struct recording *recording, enum rig_key key, const double v[4]) {
     fathom_recording *shown = &recording->shown;
     switch (key) {
     case RIG_DEPTH_SCALE:
@@ -136,8 +131,7 @@ static void set_rig(struct recording *recording, enum rig_key key, const double 
     }
 }
 
-static int read_rig_line(struct recording *recording, const char *path, struct text_file *text)
-{
+static int read_rig_line(struct recording *recording, const char *path, struct text_file *text) {
     char *name = NULL;
     int key = 0;
     if (!text_word(text, &name)) return FATHOM_OK;
@@ -161,8 +155,7 @@ static int read_rig_line(struct recording *recording, const char *path, struct t
     return FATHOM_OK;
 }
 
-int recording_read_rig(struct recording *recording)
-{
+int recording_read_rig(struct recording *recording) {
     struct text_file text;
     int result = FATHOM_OK;
     char *path = recording_path(recording, "rig.txt");

@@ -9,8 +9,7 @@
 
 /* The median depth of those frames in units, 0 when they show nothing. Frames that can't be read are none of
  * this function's business: reading them in their turn will say so. */
-static int median_units(const struct recording *recording, uint16_t *pixels, uint32_t *histogram)
-{
+static int median_units(const struct recording *recording, uint16_t *pixels, uint32_t *histogram) {
     const fathom_recording *shown = &recording->shown;
     const size_t capacity = (size_t)shown->width * (size_t)shown->height;
     uint64_t count = 0, below = 0;
@@ -33,8 +32,7 @@ static int median_units(const struct recording *recording, uint16_t *pixels, uin
     return units;
 }
 
-int recording_judge_depth_scale(struct recording *recording)
-{
+int recording_judge_depth_scale(struct recording *recording) {
     static const double usual[] = {1000, 5000, 10000, 100};
     const fathom_recording *shown = &recording->shown;
     uint16_t *pixels = malloc((size_t)shown->width * (size_t)shown->height * sizeof *pixels);

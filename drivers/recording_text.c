@@ -6,27 +6,23 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool is_blank(char c)
-{
+static bool is_blank(char c) {
     return isspace((unsigned char)c) != 0;
 }
 
-int text_open(struct text_file *text, const char *path)
-{
+int text_open(struct text_file *text, const char *path) {
     *text = (struct text_file){.file = fopen(path, "r")};
     return text->file ? 0 : errno;
 }
 
-void text_close(struct text_file *text)
-{
+void text_close(struct text_file *text) {
     if (text->file) fclose(text->file);
     free(text->line);
     *text = (struct text_file){0};
 }
 
 /* Cuts the comment and the blanks (a carriage return among them) off the present line. */
-static void trim(struct text_file *text, size_t length)
-{
+static void trim(struct text_file *text, size_t length) {
     char *start = text->line;
     if (text->number == 1 && length >= 3 && memcmp(start, "\xEF\xBB\xBF", 3) == 0)
         start += 3; /* byte order mark */
@@ -39,8 +35,7 @@ static void trim(struct text_file *text, size_t length)
     text->at = start;
 }
 
-bool text_next(struct text_file *text)
-{
+bool text_next(struct text_file *text) {
     for (;;) {
         errno = 0;
         const ssize_t length = getline(&text->line, &text->capacity, text->file);
@@ -55,8 +50,7 @@ bool text_next(struct text_file *text)
     }
 }
 
-bool text_word(struct text_file *text, char **word)
-{
+bool text_word(struct text_file *text, char **word) {
     while (is_blank(*text->at)) text->at++;
     if (!*text->at) return false;
     *word = text->at;
@@ -65,22 +59,19 @@ bool text_word(struct text_file *text, char **word)
     return true;
 }
 
-static bool word_to_number(const char *word, double *value)
-{
+static bool word_to_number(const char *word, double *value) {
     if (strpbrk(word, "xXpP(")) return false; /* strtod would take 0x1p3 and nan(...) */
     char *end;
     *value = strtod(word, &end);
     return end != word && !*end;
 }
 
-bool text_number(struct text_file *text, double *value)
-{
+bool text_number(struct text_file *text, double *value) {
     char *word;
     return text_word(text, &word) && word_to_number(word, value);
 }
 
-bool text_stamp(struct text_file *text, int64_t *timestamp_ns)
-{
+bool text_stamp(struct text_file *text, int64_t *timestamp_ns) {
     char *word;
     double seconds;
     if (!text_word(text, &word) || !word_to_number(word, &seconds)) return false;
@@ -107,16 +98,14 @@ bool text_stamp(struct text_file *text, int64_t *timestamp_ns)
     return true;
 }
 
-char *text_rest(struct text_file *text)
-{
+char *text_rest(struct text_file *text) {
     while (is_blank(*text->at)) text->at++;
     char *rest = text->at;
     text->at += strlen(text->at);
     return rest;
 }
 
-bool text_at_end(const struct text_file *text)
-{
+bool text_at_end(const struct text_file *text) {
     const char *c = text->at;
     while (is_blank(*c)) c++;
     return !*c;

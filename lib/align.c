@@ -11,7 +11,8 @@ void aligner_init(aligner *a, device *d, arena *block, const fathom_config *conf
     memset(a, 0, sizeof *a);
     a->config = config;
     for (int i = 0; i < FATHOM_LEVELS; i++)
-        device_buffer_make(d, block, (size_t)maps->camera[i].width * (size_t)maps->camera[i].height * 16, &a->model[i]);
+        device_buffer_make(d, block, (size_t)maps->camera[i].width * (size_t)maps->camera[i].height * 16,
+                           &a->model[i]);
     device_buffer_make(d, block, (size_t)maps->camera[FINEST].height * SUMS * 4, &a->sums);
     if (d->context) a->reduce = device_kernel(d, "align_reduce");
 }
@@ -28,12 +29,13 @@ static void reduce(aligner *a, device *d, depth_maps *maps, int level, const pos
     const fathom_config *c = a->config;
     const kernel_camera *camera = &maps->camera[level];
     double distance = fmax(c->pair_distance_m, reach_m) * (1 << (FINEST - level));
-    kernel_pair_limits limits = {(cl_float)(distance * distance), cosf(c->pair_angle_rad), c->huber_m, 0, {{0}}};
+    kernel_pair_limits limits = {
+        (cl_float)(distance * distance), cosf(c->pair_angle_rad), c->huber_m, 0, {{0}}};
     for (int i = 0; i < 3; i++) limits.centre.s[i] = (cl_float)centre[i];
     kernel_rigid rigid = kernel_rigid_of(motion);
-    RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group, ARG(maps->depth[level].memory),
-        ARG(maps->normals[level].memory), ARG(*camera), ARG(a->model[level].memory), ARG(*camera), ARG(rigid),
-        ARG(limits), ARG(a->sums.memory));
+    RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group,
+        ARG(maps->depth[level].memory), ARG(maps->normals[level].memory), ARG(*camera),
+        ARG(a->model[level].memory), ARG(*camera), ARG(rigid), ARG(limits), ARG(a->sums.memory));
     memset(e, 0, sizeof *e);
     for (int i = 0; i < 3; i++) e->centre[i] = limits.centre.s[i];
     float *sums = device_map(d, &a->sums, CL_MAP_READ);
@@ -49,8 +51,8 @@ static void covariance_to_scan(const pose *motion, const double left[36], double
     covariance_transport(adjoint, left, out);
 }
 
-void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS], double reach_m,
-           alignment *result) {
+void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS],
+           double reach_m, alignment *result) {
     const fathom_config *c = a->config;
     double centre[3] = {0, 0, 1.5}; /* about where the pairs are; then their centroid */
     memset(result, 0, sizeof *result);
@@ -84,7 +86,8 @@ void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int 
             for (int k = 0; k < 36; k++) s.covariance[k] *= variance;
             covariance_to_scan(&result->motion, s.covariance, result->covariance);
 
-            bool small = pose_angle(&update) < c->stop_rotation_rad && pose_distance(&update) < c->stop_translation_m;
+            bool small =
+                pose_angle(&update) < c->stop_rotation_rad && pose_distance(&update) < c->stop_translation_m;
             bool level_error = last_error - error < c->stop_error_fall * last_error;
             last_error = error;
             if (small || level_error) break;

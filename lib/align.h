@@ -16,9 +16,9 @@ typedef struct {
 typedef struct {
     pose motion;
     int iterations;
-    int level;             /* finest level that had pairs */
-    int pairs, overlap;    /* at the last iteration */
-    int pixels;            /* of the map of that level */
+    int level;          /* finest level that had pairs */
+    int pairs, overlap; /* at the last iteration */
+    int pixels;         /* of the map of that level */
     double weight, rms;
     double singular[6], condition;
     double covariance[36]; /* of motion, in the scan camera's axes: motion * exp(error) */
@@ -29,7 +29,7 @@ void aligner_close(aligner *a);
 
 /* Aligns from `seed` on, with at most budget[level] iterations at each level. reach_m widens the pair distance (a seed's
  * three sigma). Waits for the device at each iteration. */
-void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS], double reach_m,
-           alignment *result);
+void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS],
+           double reach_m, alignment *result);
 
 #endif

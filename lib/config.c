@@ -18,8 +18,8 @@ fathom_config fathom_config_default(void) {
     c.depth_units_per_metre = 1000;
     c.depth_min_m = 0.3f;
     c.depth_max_m = 5;
-    c.depth_noise_base_m = 0.0012f;
-    c.depth_noise_growth = 0.0019f;
+    c.depth_noise_base_m = 0.0001f;
+    c.depth_noise_growth = 0.003f;
     c.against = FATHOM_AGAINST_MODEL;
     const int iterations[FATHOM_LEVELS] = {10, 5, 4}, seeded[FATHOM_LEVELS] = {0, 0, 4};
     memcpy(c.iterations, iterations, sizeof iterations);
@@ -27,7 +27,7 @@ fathom_config fathom_config_default(void) {
     c.seeded_sigma_m = 0.02f;
     c.pair_distance_m = 0.10f;
     c.pair_angle_rad = 0.7f;
-    c.huber_m = 0.01f;
+    c.huber_m = 0.005f;
     c.stop_rotation_rad = c.stop_translation_m = c.stop_error_fall = 1e-4f;
     c.min_overlap = 0.35f;
     c.max_rms_m = 0.02f;
@@ -59,7 +59,8 @@ typedef struct {
 
 int config_check(const fathom_config *c) {
     if (c->struct_size != sizeof *c) {
-        device_log(c, FATHOM_LOG_ERROR, "struct_size is %u, this library's is %zu: start from fathom_config_default()",
+        device_log(c, FATHOM_LOG_ERROR,
+                   "struct_size is %u, this library's is %zu: start from fathom_config_default()",
                    c->struct_size, sizeof *c);
         return FATHOM_ERROR_CONFIG;
     }
@@ -90,7 +91,8 @@ int config_check(const fathom_config *c) {
         {"seeded_iterations[1]", c->seeded_iterations[1], 0, 100},
         {"seeded_iterations[2]", c->seeded_iterations[2], 0, 100},
         {"iterations in all", c->iterations[0] + c->iterations[1] + c->iterations[2], 1, 300},
-        {"seeded_iterations in all", c->seeded_iterations[0] + c->seeded_iterations[1] + c->seeded_iterations[2], 1, 300},
+        {"seeded_iterations in all",
+         c->seeded_iterations[0] + c->seeded_iterations[1] + c->seeded_iterations[2], 1, 300},
         {"seeded_sigma_m", c->seeded_sigma_m, 0, 100},
         {"pair_distance_m", c->pair_distance_m, 1e-4, 10},
         {"pair_angle_rad", c->pair_angle_rad, 0.01, 3.15},
@@ -135,7 +137,8 @@ int config_check(const fathom_config *c) {
     mounting[15] = 1;
     for (int i = 0; i < 9; i++) mounting[i / 3 * 4 + i % 3] = c->imu_to_camera_rotation[i];
     if (!pose_from_matrix(c->first_pose, &p) || !pose_from_matrix(mounting, &p)) {
-        device_log(c, FATHOM_LOG_ERROR, "first_pose or imu_to_camera_rotation is not a right-handed rigid motion");
+        device_log(c, FATHOM_LOG_ERROR,
+                   "first_pose or imu_to_camera_rotation is not a right-handed rigid motion");
         return FATHOM_ERROR_CONFIG;
     }
     return FATHOM_OK;

@@ -18,14 +18,14 @@ struct fathom {
     surface_output surface;
     int64_t arena_bytes;
 
-    pose pose;               /* M of Figure 2: the last frame's camera to world */
-    double covariance[36];   /* of that pose: pose * exp(error) */
-    int64_t timestamp_ns;    /* of the last frame; INT64_MIN: none yet */
-    bool started;            /* the first surface has been fused */
-    pose reference;          /* FATHOM_AGAINST_PREVIOUS: pose of the frame in the model maps */
+    pose pose;             /* M of Figure 2: the last frame's camera to world */
+    double covariance[36]; /* of that pose: pose * exp(error) */
+    int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
+    bool started;          /* the first surface has been fused */
+    pose reference;        /* FATHOM_AGAINST_PREVIOUS: pose of the frame in the model maps */
     bool paused;
     int64_t frames_ignored;
-    fathom_result result;    /* of the last frame */
+    fathom_result result; /* of the last frame */
 };
 
 /* One turn of Figure 2 (lib/step.c); the frame has been checked. */

@@ -11,7 +11,8 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
         int factor = 1;
         while (c->depth_width / factor > 320 || c->depth_width % factor || c->depth_height % factor) {
             if (++factor > 64) {
-                device_log(c, FATHOM_LOG_ERROR, "depth of %dx%d has no whole fraction up to 320 wide: set align_width",
+                device_log(c, FATHOM_LOG_ERROR,
+                           "depth of %dx%d has no whole fraction up to 320 wide: set align_width",
                            c->depth_width, c->depth_height);
                 return FATHOM_ERROR_CONFIG;
             }
@@ -21,8 +22,9 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     }
     if (width < 16 || height < 16 || c->depth_width % width || c->depth_height % height ||
         c->depth_width / width != c->depth_height / height) {
-        device_log(c, FATHOM_LOG_ERROR, "alignment size %dx%d is not depth size %dx%d over one whole number, or below 16",
-                   width, height, c->depth_width, c->depth_height);
+        device_log(c, FATHOM_LOG_ERROR,
+                   "alignment size %dx%d is not depth size %dx%d over one whole number, or below 16", width,
+                   height, c->depth_width, c->depth_height);
         return FATHOM_ERROR_CONFIG;
     }
     /* averaging n pixels puts the new pixel's centre amid them */
@@ -36,13 +38,26 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
     depth_maps_camera(c, &m->camera[FINEST]);
     for (int i = FINEST - 1; i >= 0; i--) {
         kernel_camera f = m->camera[i + 1];
-        m->camera[i] = kernel_camera_of(f.width / 2, f.height / 2, f.fx / 2, f.fy / 2, (f.cx - 0.5f) / 2, (f.cy - 0.5f) / 2);
+        m->camera[i] = kernel_camera_of(f.width / 2, f.height / 2, f.fx / 2, f.fy / 2, (f.cx - 0.5f) / 2,
+                                        (f.cy - 0.5f) / 2);
     }
     const float *k = c->distortion;
-    m->source = (kernel_depth_source){c->fx, c->fy, c->cx, c->cy, k[0], k[1], k[2], k[3], k[4],
+    m->source = (kernel_depth_source){c->fx,
+                                      c->fy,
+                                      c->cx,
+                                      c->cy,
+                                      k[0],
+                                      k[1],
+                                      k[2],
+                                      k[3],
+                                      k[4],
                                       k[0] != 0 || k[1] != 0 || k[2] != 0 || k[3] != 0 || k[4] != 0,
-                                      c->depth_width, c->depth_height, c->depth_width / m->camera[FINEST].width,
-                                      1.0f / c->depth_units_per_metre, c->depth_min_m, c->depth_max_m};
+                                      c->depth_width,
+                                      c->depth_height,
+                                      c->depth_width / m->camera[FINEST].width,
+                                      1.0f / c->depth_units_per_metre,
+                                      c->depth_min_m,
+                                      c->depth_max_m};
     m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
     device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
@@ -81,16 +96,16 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
     memcpy(raw, frame, (size_t)m->source.width * (size_t)m->source.height * 2);
     device_unmap(d, &m->raw, raw);
     kernel_camera *c = &m->camera[FINEST];
-    RUN(d, m->convert, (size_t)c->width, (size_t)c->height, 0, ARG(m->raw.memory), ARG(m->source), ARG(*c), ARG(m->noise),
-        ARG(m->depth[FINEST].memory));
+    RUN(d, m->convert, (size_t)c->width, (size_t)c->height, 0, ARG(m->raw.memory), ARG(m->source), ARG(*c),
+        ARG(m->noise), ARG(m->depth[FINEST].memory));
     cl_float reach = getenv("REACH") ? atof(getenv("REACH")) : SMOOTHING_REACH;
-    RUN(d, m->smoothing, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->depth[FINEST].memory), ARG(*c),
-        ARG(m->noise), ARG(reach), ARG(m->smooth.memory));
+    RUN(d, m->smoothing, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->depth[FINEST].memory),
+        ARG(*c), ARG(m->noise), ARG(reach), ARG(m->smooth.memory));
     for (int i = FINEST - 1; i >= coarsest; i--) {
         kernel_camera *f = &m->camera[i + 1];
         c = &m->camera[i];
-        RUN(d, m->halve, (size_t)c->width, (size_t)c->height, 0, ARG(m->depth[i + 1].memory), ARG(*f), ARG(*c),
-            ARG(m->noise), ARG(m->depth[i].memory));
+        RUN(d, m->halve, (size_t)c->width, (size_t)c->height, 0, ARG(m->depth[i + 1].memory), ARG(*f),
+            ARG(*c), ARG(m->noise), ARG(m->depth[i].memory));
     }
     for (int i = FINEST; i >= coarsest; i--) {
         c = &m->camera[i];

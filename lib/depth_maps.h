@@ -11,11 +11,11 @@ typedef struct {
     kernel_camera camera[FATHOM_LEVELS]; /* the ideal pinhole of each level */
     kernel_depth_source source;
     cl_float2 noise;
-    device_buffer raw;                     /* the frame as it came */
-    device_buffer depth[FATHOM_LEVELS];    /* metric: what is aligned and fused */
-    device_buffer smooth;                  /* the finest depth smoothed, for its normals only: alignment with smoothed
+    device_buffer raw;                  /* the frame as it came */
+    device_buffer depth[FATHOM_LEVELS]; /* metric: what is aligned and fused */
+    device_buffer smooth; /* the finest depth smoothed, for its normals only: alignment with smoothed
                                               depth drifts (docs/DESIGN.md) */
-    device_buffer normals[FATHOM_LEVELS];  /* four planes: normal and confidence */
+    device_buffer normals[FATHOM_LEVELS]; /* four planes: normal and confidence */
     cl_kernel convert, smoothing, halve, normal, pack;
 } depth_maps;
 

@@ -42,8 +42,10 @@ int device_choose(device *d, const fathom_config *config) {
     cl_uint platform_count = 0;
     cl_int e = clGetPlatformIDs(16, platforms, &platform_count);
     if (e != CL_SUCCESS || platform_count == 0) {
-        device_log(config, FATHOM_LOG_ERROR,
-                   "no OpenCL platform found (code %d): install one, e.g. pocl-opencl-icd, or check OCL_ICD_VENDORS", e);
+        device_log(
+            config, FATHOM_LOG_ERROR,
+            "no OpenCL platform found (code %d): install one, e.g. pocl-opencl-icd, or check OCL_ICD_VENDORS",
+            e);
         return FATHOM_ERROR_DEVICE;
     }
     int best = -1;
@@ -80,7 +82,8 @@ int device_choose(device *d, const fathom_config *config) {
                    platform_count);
         return FATHOM_ERROR_DEVICE;
     }
-    d->buffers_in_block = config->buffers == FATHOM_BUFFERS_HOST || (config->buffers == FATHOM_BUFFERS_AUTO && d->cpu);
+    d->buffers_in_block =
+        config->buffers == FATHOM_BUFFERS_HOST || (config->buffers == FATHOM_BUFFERS_AUTO && d->cpu);
     d->group = 1;
     if (!d->cpu) {
         size_t most = 1;
@@ -105,7 +108,8 @@ static bool cache_path(device *d, const char *options, char *path, size_t size) 
     char text[256];
     unsigned long long h = fnv(14695981039346656037ull, options);
     for (int i = 0; i < kernel_count; i++) h = fnv(h, kernel_sources[i]);
-    static const cl_device_info asked[] = {CL_DEVICE_NAME, CL_DEVICE_VENDOR, CL_DEVICE_VERSION, CL_DRIVER_VERSION};
+    static const cl_device_info asked[] = {CL_DEVICE_NAME, CL_DEVICE_VENDOR, CL_DEVICE_VERSION,
+                                           CL_DRIVER_VERSION};
     for (int i = 0; i < 4; i++) {
         memset(text, 0, sizeof text);
         clGetDeviceInfo(d->id, asked[i], sizeof text - 1, text, NULL);
@@ -176,7 +180,8 @@ static void program_to_cache(device *d, const char *path) {
         if (file >= 0) good = close(file) == 0 && good;
         if (!good || rename(part, path) != 0) {
             if (file >= 0) unlink(part);
-            device_log(d->config, FATHOM_LOG_WARNING, "kernel cache %s can't be written: %s", path, strerror(errno));
+            device_log(d->config, FATHOM_LOG_WARNING, "kernel cache %s can't be written: %s", path,
+                       strerror(errno));
         }
     }
     munmap(data, size);
@@ -267,7 +272,8 @@ void device_buffer_make(device *d, arena *a, size_t size, device_buffer *buffer)
         d->device_bytes += size;
     if (!d->context || (d->buffers_in_block && !buffer->host)) return;
     cl_int e;
-    cl_mem_flags flags = CL_MEM_READ_WRITE | (d->buffers_in_block ? CL_MEM_USE_HOST_PTR : CL_MEM_ALLOC_HOST_PTR);
+    cl_mem_flags flags =
+        CL_MEM_READ_WRITE | (d->buffers_in_block ? CL_MEM_USE_HOST_PTR : CL_MEM_ALLOC_HOST_PTR);
     buffer->memory = clCreateBuffer(d->context, flags, size, buffer->host, &e);
     if (!buffer->memory) failed(d, "making a buffer", e);
 }
@@ -279,7 +285,8 @@ void device_buffer_free(device_buffer *buffer) {
 
 void *device_map(device *d, device_buffer *buffer, cl_map_flags flags) {
     cl_int e;
-    void *p = clEnqueueMapBuffer(d->queue, buffer->memory, CL_TRUE, flags, 0, buffer->size, 0, NULL, NULL, &e);
+    void *p =
+        clEnqueueMapBuffer(d->queue, buffer->memory, CL_TRUE, flags, 0, buffer->size, 0, NULL, NULL, &e);
     if (!p) failed(d, "mapping a buffer", e);
     return p;
 }
@@ -293,7 +300,8 @@ void device_unmap(device *d, device_buffer *buffer, void *mapped) {
 void device_clear(device *d, device_buffer *buffer) {
     if (!buffer->memory) return;
     cl_int zero = 0;
-    cl_int e = clEnqueueFillBuffer(d->queue, buffer->memory, &zero, sizeof zero, 0, buffer->size, 0, NULL, NULL);
+    cl_int e =
+        clEnqueueFillBuffer(d->queue, buffer->memory, &zero, sizeof zero, 0, buffer->size, 0, NULL, NULL);
     if (e != CL_SUCCESS) failed(d, "clearing a buffer", e);
 }
 
@@ -320,6 +328,7 @@ void device_run(device *d, cl_kernel kernel, size_t columns, size_t rows, size_t
         }
     }
     size_t global[2] = {columns, rows}, local[2] = {group, 1};
-    cl_int e = clEnqueueNDRangeKernel(d->queue, kernel, rows > 1 ? 2 : 1, NULL, global, group ? local : NULL, 0, NULL, NULL);
+    cl_int e = clEnqueueNDRangeKernel(d->queue, kernel, rows > 1 ? 2 : 1, NULL, global, group ? local : NULL,
+                                      0, NULL, NULL);
     if (e != CL_SUCCESS) failed(d, "starting a kernel", e);
 }

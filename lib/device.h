@@ -29,7 +29,7 @@ typedef struct {
 /* A buffer of the device; bytes of it may be looked at between device_map and device_unmap. */
 typedef struct {
     cl_mem memory;
-    void *host;  /* where it lies in the block, or NULL */
+    void *host; /* where it lies in the block, or NULL */
     size_t size;
 } device_buffer;
 
@@ -63,13 +63,15 @@ typedef struct {
     const void *value;
 } device_argument;
 
-#define ARG(v) {sizeof(v), &(v)}
+#define ARG(v)                                                                                               \
+    { sizeof(v), &(v) }
 
 /* Queues a kernel over columns x rows work-items (rows 1: one dimension). group 0: the runtime chooses the work-group. */
 void device_run(device *d, cl_kernel kernel, size_t columns, size_t rows, size_t group, int count,
                 const device_argument *arguments);
-#define RUN(d, kernel, columns, rows, group, ...)                                                                       \
-    device_run(d, kernel, columns, rows, group,                                                                        \
-               (int)(sizeof((device_argument[]){__VA_ARGS__}) / sizeof(device_argument)), (device_argument[]){__VA_ARGS__})
+#define RUN(d, kernel, columns, rows, group, ...)                                                            \
+    device_run(d, kernel, columns, rows, group,                                                              \
+               (int)(sizeof((device_argument[]){__VA_ARGS__}) / sizeof(device_argument)),                    \
+               (device_argument[]){__VA_ARGS__})
 
 #endif

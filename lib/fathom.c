@@ -79,7 +79,8 @@ static int make_plan(fathom *f, const fathom_config *config, fathom_memory_plan 
     if (blocks < 64 || host_bytes + device_bytes > config->memory_cap_bytes) {
         device_log(config, FATHOM_LOG_ERROR,
                    "memory_cap_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
-                   (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576, blocks > 64 ? blocks : 64);
+                   (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576,
+                   blocks > 64 ? blocks : 64);
         return FATHOM_ERROR_MEMORY;
     }
     plan->host_bytes = host_bytes;
@@ -158,8 +159,8 @@ int fathom_init(fathom **context, const fathom_config *config, void *memory, siz
         close_parts(f);
         return e;
     }
-    device_log(config, FATHOM_LOG_INFO, "OpenCL device %s, maps %dx%d, %d blocks, %.1f MB", plan.device, plan.align_width,
-               plan.align_height, plan.blocks, (double)f->arena_bytes / 1048576);
+    device_log(config, FATHOM_LOG_INFO, "OpenCL device %s, maps %dx%d, %d blocks, %.1f MB", plan.device,
+               plan.align_width, plan.align_height, plan.blocks, (double)f->arena_bytes / 1048576);
     *context = f;
     return FATHOM_OK;
 }
@@ -190,13 +191,15 @@ int fathom_push_imu(fathom *f, const fathom_imu_sample *sample) {
 int fathom_step(fathom *f, const fathom_depth_frame *frame, fathom_result *result) {
     if (!f || !frame || !frame->depth || !result) return FATHOM_ERROR_ARGUMENT;
     int e = f->device.error;
-    if (e == FATHOM_OK && (frame->width != f->config.depth_width || frame->height != f->config.depth_height)) {
-        device_log(&f->config, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d", frame->width,
-                   frame->height, f->config.depth_width, f->config.depth_height);
+    if (e == FATHOM_OK &&
+        (frame->width != f->config.depth_width || frame->height != f->config.depth_height)) {
+        device_log(&f->config, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d",
+                   frame->width, frame->height, f->config.depth_width, f->config.depth_height);
         e = FATHOM_ERROR_SIZE;
     }
     if (e == FATHOM_OK && f->timestamp_ns != INT64_MIN && frame->timestamp_ns <= f->timestamp_ns) {
-        device_log(&f->config, FATHOM_LOG_WARNING, "a frame stamped %.6f s was ignored: the one before has %.6f s",
+        device_log(&f->config, FATHOM_LOG_WARNING,
+                   "a frame stamped %.6f s was ignored: the one before has %.6f s",
                    1e-9 * (double)frame->timestamp_ns, 1e-9 * (double)f->timestamp_ns);
         e = FATHOM_ERROR_TIME;
     }
@@ -209,7 +212,8 @@ int fathom_step(fathom *f, const fathom_depth_frame *frame, fathom_result *resul
     step(f, frame, result);
     if (result->pool_full && !was_full)
         device_log(&f->config, FATHOM_LOG_WARNING,
-                   "the block pool is full (%d blocks): the surface no longer grows, tracking goes on", f->volume.capacity);
+                   "the block pool is full (%d blocks): the surface no longer grows, tracking goes on",
+                   f->volume.capacity);
     return f->device.error;
 }
 
@@ -245,10 +249,11 @@ int fathom_get_counters(fathom *f, fathom_counters *counters) {
 /* ---- surface -------------------------------------------------------------------------------------------------------------- */
 
 static int view_check(const fathom *f, const fathom_view *v, pose *at) {
-    bool good = v->width >= 1 && v->width <= 16384 && v->height >= 1 && v->height <= 16384 && v->fx > 0 && v->fy > 0 &&
-                isfinite(v->fx) && isfinite(v->fy) && isfinite(v->cx) && isfinite(v->cy) && v->near_m >= 0 && v->far_m >= 0 &&
-                pose_from_matrix(v->pose, at);
-    if (!good) device_log(&f->config, FATHOM_LOG_ERROR, "the view's size, intrinsics, range or pose is not valid");
+    bool good = v->width >= 1 && v->width <= 16384 && v->height >= 1 && v->height <= 16384 && v->fx > 0 &&
+                v->fy > 0 && isfinite(v->fx) && isfinite(v->fy) && isfinite(v->cx) && isfinite(v->cy) &&
+                v->near_m >= 0 && v->far_m >= 0 && pose_from_matrix(v->pose, at);
+    if (!good)
+        device_log(&f->config, FATHOM_LOG_ERROR, "the view's size, intrinsics, range or pose is not valid");
     return good ? FATHOM_OK : FATHOM_ERROR_ARGUMENT;
 }
 
@@ -256,7 +261,9 @@ int fathom_model_maps(fathom *f, const fathom_view *view, float *depth, float *n
     pose at;
     if (!f || !view) return FATHOM_ERROR_ARGUMENT;
     int e = view_check(f, view, &at);
-    return e != FATHOM_OK ? e : surface_view(&f->surface, &f->device, &f->volume, view, &at, depth, normals, NULL);
+    return e != FATHOM_OK
+               ? e
+               : surface_view(&f->surface, &f->device, &f->volume, view, &at, depth, normals, NULL);
 }
 
 int fathom_shaded_view(fathom *f, const fathom_view *view, uint8_t *rgb) {

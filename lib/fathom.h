@@ -131,8 +131,9 @@ typedef struct {
     float distortion[5];           /* k1 k2 p1 p2 k3 (Brown-Conrady, OpenCV's order); all zero: none. Default none */
     float depth_units_per_metre;   /* e.g. 1000 for millimetres, 5000 in TUM recordings. Default 1000 */
     float depth_min_m, depth_max_m; /* depths outside are invalid. Default 0.3 and 5. 0 and 65535 are always invalid */
-    float depth_noise_base_m;      /* sigma of the depth at 0.4 m. Default 0.0012 (Nguyen et al. 2012, eq. 3) */
-    float depth_noise_growth;      /* sigma = base + growth * (z - 0.4)^2, 1/m. Default 0.0019 (the same) */
+    float depth_noise_base_m;      /* depth error: sigma(z) = base + growth * z^2. Pairs and fusion are weighted by */
+    float depth_noise_growth;      /* 1/sigma^2 relative to that at 1 m. Defaults 0.0001 m and 0.003 1/m: a step of a
+                                      Kinect 360's disparity (Khoshelham and Elberink 2012, Section 3.2: 2.85 mm at 1 m) */
 
     /* alignment (Section 2) */
     int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to 320 wide */
@@ -144,7 +145,7 @@ typedef struct {
     float pair_distance_m;         /* a pair further apart is rejected, at the finest level (doubled at each coarser one).
                                       Default 0.10; widened to three sigma of the seed */
     float pair_angle_rad;          /* a pair whose normals differ by more is rejected. Default 0.7 (40 degrees) */
-    float huber_m;                 /* residual beyond which a pair's weight falls off as 1/|r|. Default 0.01 */
+    float huber_m;                 /* residual beyond which a pair's weight falls off as 1/|r|. Default 0.005 */
     float stop_rotation_rad, stop_translation_m; /* an update smaller than both ends a level. Default 1e-4 and 1e-4 */
     float stop_error_fall;         /* a relative fall of the error below this ends a level. Default 1e-4 */
 

@@ -3,11 +3,11 @@
 #include <math.h>
 #include <string.h>
 
-#define STILL_SECONDS 0.4         /* as long as this without motion is a still start */
-#define STILL_GYRO 0.06           /* rad/s: a bias at most; a hand turns more */
-#define STILL_GYRO_CHANGE 0.03    /* rad/s away from the mean of the stillness so far */
-#define STILL_ACCEL_CHANGE 0.25   /* m/s^2, the same */
-#define BIAS_WALK 2e-4            /* rad/s/sqrt(s): how fast a known gyro bias gets old */
+#define STILL_SECONDS 0.4       /* as long as this without motion is a still start */
+#define STILL_GYRO 0.06         /* rad/s: a bias at most; a hand turns more */
+#define STILL_GYRO_CHANGE 0.03  /* rad/s away from the mean of the stillness so far */
+#define STILL_ACCEL_CHANGE 0.25 /* m/s^2, the same */
+#define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
 
 static unsigned ring_capacity(const fathom_config *c) {
     unsigned n = 64, wanted = c->imu_capacity > 0 ? (unsigned)c->imu_capacity : 4096;
@@ -109,7 +109,8 @@ static void append(inertial *n, const fathom_imu_sample *raw) {
             n->still_samples = 0;
         } else {
             n->period_ns = n->period_ns == 0 ? step : n->period_ns + (step - n->period_ns) / 16;
-            n->gyro_bias_sigma = sqrt(n->gyro_bias_sigma * n->gyro_bias_sigma + BIAS_WALK * BIAS_WALK * 1e-9 * (double)step);
+            n->gyro_bias_sigma =
+                sqrt(n->gyro_bias_sigma * n->gyro_bias_sigma + BIAS_WALK * BIAS_WALK * 1e-9 * (double)step);
         }
     }
     if (n->count == n->capacity) {
@@ -147,7 +148,8 @@ static int find_sample(inertial *n, int64_t t) {
 /* The bias-free rate at t, interpolated; held before the first and after the last sample. */
 static void rate_at(inertial *n, int64_t t, int i, double w[3]) {
     int last = (int)n->count - 1;
-    const inertial_sample *a = sample_at(n, (unsigned)(i < 0 ? 0 : i)), *b = sample_at(n, (unsigned)(i < last ? i + 1 : last));
+    const inertial_sample *a = sample_at(n, (unsigned)(i < 0 ? 0 : i)),
+                          *b = sample_at(n, (unsigned)(i < last ? i + 1 : last));
     double f = 0;
     if (b->timestamp_ns > a->timestamp_ns && i >= 0)
         f = (double)(t - a->timestamp_ns) / (double)(b->timestamp_ns - a->timestamp_ns);
@@ -204,7 +206,8 @@ int inertial_estimate(inertial *n, const pose *at, int64_t from_ns, int64_t to_n
     /* constant velocity; how far a hand's acceleration leads away from it */
     double age = n->corrected_ns == INT64_MIN ? 0 : 1e-9 * fabs((double)(early - n->corrected_ns));
     double sigma_t = n->velocity_sigma * dt + c->motion_accel_sigma * dt * (0.5 * dt + age) + c->seed_floor_m;
-    for (int i = 0; i < 3 && c->imu_translation; i++) /* world velocity in the axes of the camera at from_ns */
+    for (int i = 0; i < 3 && c->imu_translation;
+         i++) /* world velocity in the axes of the camera at from_ns */
         for (int j = 0; j < 3; j++) m.t[i] += at->r[3 * j + i] * n->velocity[j] * signed_dt;
 
     out->motion = m;

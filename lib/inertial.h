@@ -25,15 +25,15 @@ typedef struct {
     /* the stepping thread's */
     inertial_sample *history; /* the latest `capacity` samples, a circle in the order of their stamps */
     unsigned first, count;
-    int64_t period_ns;        /* typical distance between samples */
-    double rotation[9];       /* v_camera = rotation * v_imu */
+    int64_t period_ns;                    /* typical distance between samples */
+    double rotation[9];                   /* v_camera = rotation * v_imu */
     double gyro_bias[3], gyro_bias_sigma; /* camera axes, rad/s */
-    double velocity[3];       /* of the camera, world axes, m/s */
-    double velocity_sigma;    /* m/s */
-    double turning[3];        /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
-    int64_t corrected_ns;     /* stamp of the last accepted pose; INT64_MIN: none yet */
-    pose corrected;           /* that pose */
-    int still_samples;        /* length of the stillness at hand */
+    double velocity[3];                   /* of the camera, world axes, m/s */
+    double velocity_sigma;                /* m/s */
+    double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
+    int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
+    pose corrected;       /* that pose */
+    int still_samples;    /* length of the stillness at hand */
     double still_sum[3], still_accel[3];
     fathom_counters counters;
 } inertial;

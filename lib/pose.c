@@ -192,7 +192,8 @@ bool pose_from_matrix(const float m[16], pose *a) {
     so3_transpose_multiply(a->r, a->r, product);
     for (int i = 0; i < 9; i++)
         if (fabs(product[i] - (i % 4 == 0)) > 1e-3) return false;
-    double z = a->r[6] * (a->r[1] * a->r[5] - a->r[2] * a->r[4]) + a->r[7] * (a->r[2] * a->r[3] - a->r[0] * a->r[5]) +
+    double z = a->r[6] * (a->r[1] * a->r[5] - a->r[2] * a->r[4]) +
+               a->r[7] * (a->r[2] * a->r[3] - a->r[0] * a->r[5]) +
                a->r[8] * (a->r[0] * a->r[4] - a->r[1] * a->r[3]);
     bool last_row = fabsf(m[12]) + fabsf(m[13]) + fabsf(m[14]) + fabsf(m[15] - 1) < 1e-3f;
     if (z < 0 || !last_row) return false;

@@ -14,24 +14,26 @@ typedef struct {
 } pose;
 
 pose pose_identity(void);
-pose pose_multiply(const pose *a, const pose *b);         /* a * b */
+pose pose_multiply(const pose *a, const pose *b); /* a * b */
 pose pose_inverse(const pose *a);
-pose pose_between(const pose *from, const pose *to);      /* inv(from) * to */
+pose pose_between(const pose *from, const pose *to); /* inv(from) * to */
 void pose_apply(const pose *a, const double p[3], double out[3]);
-pose pose_exp(const double twist[6]);                     /* rotation by exp; translation = V(rotation) * twist[3..5] */
+pose pose_exp(const double twist[6]); /* rotation by exp; translation = V(rotation) * twist[3..5] */
 void pose_log(const pose *a, double twist[6]);
-double pose_angle(const pose *a);                         /* 0..pi */
-double pose_distance(const pose *a);                      /* length of the translation */
-void pose_normalise(pose *a);                             /* makes the rotation orthonormal again (Gram-Schmidt) */
+double pose_angle(const pose *a);    /* 0..pi */
+double pose_distance(const pose *a); /* length of the translation */
+void pose_normalise(pose *a);        /* makes the rotation orthonormal again (Gram-Schmidt) */
 bool pose_is_finite(const pose *a);
-void pose_adjoint(const pose *a, double adjoint[36]);     /* exp(adjoint * twist) * a = a * exp(twist), row-major 6x6 */
+void pose_adjoint(const pose *a,
+                  double adjoint[36]); /* exp(adjoint * twist) * a = a * exp(twist), row-major 6x6 */
 
-void pose_to_matrix(const pose *a, float matrix[16]);     /* row-major 4x4 */
-bool pose_from_matrix(const float matrix[16], pose *a);   /* false unless finite, rigid (to 1e-3) and right-handed */
+void pose_to_matrix(const pose *a, float matrix[16]); /* row-major 4x4 */
+bool pose_from_matrix(const float matrix[16],
+                      pose *a); /* false unless finite, rigid (to 1e-3) and right-handed */
 
-void so3_exp(const double w[3], double r[9]);             /* Rodrigues */
+void so3_exp(const double w[3], double r[9]); /* Rodrigues */
 void so3_log(const double r[9], double w[3]);
-void so3_multiply(const double a[9], const double b[9], double out[9]); /* out may be a or b */
+void so3_multiply(const double a[9], const double b[9], double out[9]);           /* out may be a or b */
 void so3_transpose_multiply(const double a[9], const double b[9], double out[9]); /* a^T b */
 
 /* 6x6 covariances, row-major: out = A c A^T. out may be c. */

@@ -52,7 +52,8 @@ bool solve_alignment(const normal_equations *e, solution *s) {
     Matrix6 j = about(mean);
     Vector6 scale;
     scale << 1 / spread, 1 / spread, 1 / spread, 1, 1, 1;
-    Matrix6 to_reference = j * scale.asDiagonal(); /* x about centre = to_reference * (scaled x about the mean) */
+    Matrix6 to_reference =
+        j * scale.asDiagonal(); /* x about centre = to_reference * (scaled x about the mean) */
     Matrix6 h = to_reference.transpose() * ata * to_reference;
     Vector6 g = to_reference.transpose() * atb;
     h = 0.5 * (h + h.transpose()).eval();

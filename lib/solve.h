@@ -10,23 +10,24 @@ extern "C" {
 
 /* Sums over the kept pairs; see opencl/align.cl. Rotations and points count from `centre`. */
 typedef struct {
-    double ata[36];        /* A^T A, row-major: rotation, then translation */
-    double atb[6];         /* A^T b */
-    double btb;            /* b^T b */
-    double weight;         /* sum of w */
-    double point[3];       /* sum of w p */
-    double point_squared;  /* sum of w |p|^2 */
-    double pairs;          /* n */
-    double overlap;        /* pixels where scan and model both have a surface */
+    double ata[36];       /* A^T A, row-major: rotation, then translation */
+    double atb[6];        /* A^T b */
+    double btb;           /* b^T b */
+    double weight;        /* sum of w */
+    double point[3];      /* sum of w p */
+    double point_squared; /* sum of w |p|^2 */
+    double pairs;         /* n */
+    double overlap;       /* pixels where scan and model both have a surface */
     double centre[3];
 } normal_equations;
 
 typedef struct {
-    double twist[6];       /* x about the model camera's origin: p moves to p + rotation x p + translation */
-    double residual;       /* r = ||A x - b||^2 of the linear model after the update */
-    double singular[6];    /* of A centred on the pairs and scaled by their spread, largest first */
-    double condition;      /* kappa(A) = largest / smallest; INFINITY when the smallest is 0 */
-    double covariance[36]; /* (A^T A)^-1 of twist for unit variance of a pair of weight 1; directions that the pairs
+    double twist[6];    /* x about the model camera's origin: p moves to p + rotation x p + translation */
+    double residual;    /* r = ||A x - b||^2 of the linear model after the update */
+    double singular[6]; /* of A centred on the pairs and scaled by their spread, largest first */
+    double condition;   /* kappa(A) = largest / smallest; INFINITY when the smallest is 0 */
+    double covariance
+        [36]; /* (A^T A)^-1 of twist for unit variance of a pair of weight 1; directions that the pairs
                               leave free get a large, finite variance */
 } solution;
 

@@ -53,13 +53,13 @@ static double position_sigma(const double covariance[36]) {
 
 /* Aligns the scan with the surface as it looks from the seed, or with the last accepted frame. icp->motion becomes a
  * pose, camera to world. */
-static void align_scan(fathom *f, const pose *seed, double seed_sigma_m, const int *budget, int coarsest, alignment *icp,
-                       fathom_result *r) {
+static void align_scan(fathom *f, const pose *seed, double seed_sigma_m, const int *budget, int coarsest,
+                       alignment *icp, fathom_result *r) {
     bool against_model = f->config.against == FATHOM_AGAINST_MODEL;
     double start = now_ms();
     if (against_model) {
-        volume_raycast(&f->volume, &f->device, &f->maps.camera[FINEST], seed, f->config.depth_min_m, f->config.depth_max_m,
-                       &f->aligner.model[FINEST]);
+        volume_raycast(&f->volume, &f->device, &f->maps.camera[FINEST], seed, f->config.depth_min_m,
+                       f->config.depth_max_m, &f->aligner.model[FINEST]);
         volume_halve_maps(&f->volume, &f->device, f->maps.camera, f->aligner.model, coarsest);
         device_wait(&f->device);
         f->reference = *seed;

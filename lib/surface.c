@@ -17,7 +17,8 @@ static int edge_between(int a, int b) {
  * leaves again. Two cubes that share a face so agree on it, even where its corners alternate, and the mesh has no holes.
  * Each crossed edge is entered on one of its faces and left on the other, so the joins form loops; each loop is a fan. */
 void surface_cases(uint8_t table[256 * 16]) {
-    static const uint8_t faces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+    static const uint8_t faces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
+                                        {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
     memset(table, 255, 256 * 16);
     for (int kind = 0; kind < 256; kind++) {
         int next[12];
@@ -87,23 +88,25 @@ static int emit(surface_output *s, device *d, volume *v, const kernel_surface *f
     }
     device_unmap(d, &s->offsets, offsets);
     cl_int from = first;
-    RUN(d, s->emit, (size_t)blocks, 1, 0, ARG(v->voxels.memory), ARG(v->table.memory), ARG(*f), ARG(v->blocks.memory),
-        ARG(s->cases.memory), ARG(from), ARG(s->offsets.memory), ARG(s->vertices.memory));
+    RUN(d, s->emit, (size_t)blocks, 1, 0, ARG(v->voxels.memory), ARG(v->table.memory), ARG(*f),
+        ARG(v->blocks.memory), ARG(s->cases.memory), ARG(from), ARG(s->offsets.memory),
+        ARG(s->vertices.memory));
     fathom_vertex *vertices = device_map(d, &s->vertices, CL_MAP_READ);
     int stop = vertices && d->error == FATHOM_OK ? callback(user, vertices, (size_t)triangles) : 0;
     device_unmap(d, &s->vertices, vertices);
     return d->error != FATHOM_OK ? d->error : stop ? FATHOM_ERROR_STOPPED : FATHOM_OK;
 }
 
-int64_t surface_extract(surface_output *s, device *d, volume *v, float min_weight, fathom_triangles callback, void *user) {
+int64_t surface_extract(surface_output *s, device *d, volume *v, float min_weight, fathom_triangles callback,
+                        void *user) {
     kernel_surface f = v->surface;
     f.min_weight = min_weight > 0 ? min_weight * WEIGHT_ONE - 0.5f : 0;
     int64_t total = 0;
     for (int start = 0; start < v->count; start += SURFACE_BATCH) {
         int blocks = v->count - start < SURFACE_BATCH ? v->count - start : SURFACE_BATCH;
         cl_int from = start, counts[SURFACE_BATCH];
-        RUN(d, s->count, (size_t)blocks, 1, 0, ARG(v->voxels.memory), ARG(v->table.memory), ARG(f), ARG(v->blocks.memory),
-            ARG(s->cases.memory), ARG(from), ARG(s->counts.memory));
+        RUN(d, s->count, (size_t)blocks, 1, 0, ARG(v->voxels.memory), ARG(v->table.memory), ARG(f),
+            ARG(v->blocks.memory), ARG(s->cases.memory), ARG(from), ARG(s->counts.memory));
         cl_int *mapped = device_map(d, &s->counts, CL_MAP_READ);
         if (!mapped) return d->error;
         memcpy(counts, mapped, (size_t)blocks * sizeof *counts);
@@ -111,7 +114,9 @@ int64_t surface_extract(surface_output *s, device *d, volume *v, float min_weigh
         int first = 0, sum = 0;
         for (int i = 0; i <= blocks; i++) {
             if (i == blocks || sum + counts[i] > SURFACE_TRIANGLES) {
-                int e = sum > 0 ? emit(s, d, v, &f, start + first, i - first, counts + first, sum, callback, user) : 0;
+                int e = sum > 0
+                            ? emit(s, d, v, &f, start + first, i - first, counts + first, sum, callback, user)
+                            : 0;
                 if (e != FATHOM_OK) return e;
                 total += sum;
                 first = i;
@@ -131,7 +136,8 @@ static void shade(const float normal[3], float depth, uint8_t rgb[3]) {
         rgb[0] = rgb[1] = rgb[2] = 255;
         return;
     }
-    float sky = 0.5f + 0.5f * (-0.45f * normal[0] - 0.70f * normal[1] - 0.55f * normal[2]), front = -normal[2];
+    float sky = 0.5f + 0.5f * (-0.45f * normal[0] - 0.70f * normal[1] - 0.55f * normal[2]),
+          front = -normal[2];
     float light = 0.10f + 0.62f * sky + 0.22f * (front > 0 ? front : 0);
     const float colour[3] = {232, 226, 214};
     for (int i = 0; i < 3; i++) {
@@ -140,14 +146,15 @@ static void shade(const float normal[3], float depth, uint8_t rgb[3]) {
     }
 }
 
-int surface_view(surface_output *s, device *d, volume *v, const fathom_view *view, const pose *camera_to_world,
-                 float *depth, float *normals, uint8_t *rgb) {
+int surface_view(surface_output *s, device *d, volume *v, const fathom_view *view,
+                 const pose *camera_to_world, float *depth, float *normals, uint8_t *rgb) {
     float near_m = view->near_m > 0 ? view->near_m : 0.1f, far_m = view->far_m > 0 ? view->far_m : 20.0f;
     for (int y0 = 0; y0 < view->height; y0 += s->view_height)
         for (int x0 = 0; x0 < view->width; x0 += s->view_width) {
             int w = view->width - x0 < s->view_width ? view->width - x0 : s->view_width;
             int h = view->height - y0 < s->view_height ? view->height - y0 : s->view_height;
-            kernel_camera part = kernel_camera_of(w, h, view->fx, view->fy, view->cx - (float)x0, view->cy - (float)y0);
+            kernel_camera part =
+                kernel_camera_of(w, h, view->fx, view->fy, view->cx - (float)x0, view->cy - (float)y0);
             volume_raycast(v, d, &part, camera_to_world, near_m, far_m, &s->view);
             float *map = device_map(d, &s->view, CL_MAP_READ);
             for (int i = 0; map && i < w * h; i++) {

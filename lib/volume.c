@@ -40,7 +40,8 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const d
 }
 
 void volume_close(volume *v) {
-    cl_kernel kernels[] = {v->request, v->clear, v->fuse, v->clear_ranges, v->range_blocks, v->raycast, v->halve_map};
+    cl_kernel kernels[] = {v->request,      v->clear,   v->fuse,     v->clear_ranges,
+                           v->range_blocks, v->raycast, v->halve_map};
     for (int i = 0; i < 7; i++)
         if (kernels[i]) clReleaseKernel(kernels[i]);
     device_buffer *buffers[] = {&v->voxels, &v->table, &v->blocks, &v->requests, &v->counts, &v->ranges};
@@ -59,16 +60,17 @@ void volume_clear(volume *v, device *d) {
 static cl_int4 *find_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
     cl_uint h = ((cl_uint)b->x * 73856093u) ^ ((cl_uint)b->y * 19349669u) ^ ((cl_uint)b->z * 83492791u);
     h = (h ^ (h >> 15)) & mask;
-    while (table[h].w >= 0 && (table[h].x != b->x || table[h].y != b->y || table[h].z != b->z)) h = (h + 1) & mask;
+    while (table[h].w >= 0 && (table[h].x != b->x || table[h].y != b->y || table[h].z != b->z))
+        h = (h + 1) & mask;
     return &table[h];
 }
 
 void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
     kernel_rigid rigid = kernel_rigid_of(camera_to_world);
     cl_float block_m = v->surface.voxel * BLOCK_EDGE;
-    RUN(d, v->request, (size_t)v->tiles, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]), ARG(rigid),
-        ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask), ARG(v->requests.memory),
-        ARG(v->counts.memory));
+    RUN(d, v->request, (size_t)v->tiles, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
+        ARG(rigid), ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask),
+        ARG(v->requests.memory), ARG(v->counts.memory));
     v->full = false;
     cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
     int wanted = 0;
@@ -105,21 +107,22 @@ void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_
 void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid rigid = kernel_rigid_of(&inverse);
-    RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]), ARG(maps->noise),
-        ARG(rigid), ARG(v->surface.voxel), ARG(v->surface.truncation), ARG(v->max_weight), ARG(v->blocks.memory),
-        ARG(v->voxels.memory));
+    RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
+        ARG(maps->noise), ARG(rigid), ARG(v->surface.voxel), ARG(v->surface.truncation), ARG(v->max_weight),
+        ARG(v->blocks.memory), ARG(v->voxels.memory));
 }
 
-void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world, float near_m,
-                    float far_m, device_buffer *model) {
+void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
+                    float near_m, float far_m, device_buffer *model) {
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid to_camera = kernel_rigid_of(&inverse), to_world = kernel_rigid_of(camera_to_world);
     size_t tiles = (size_t)((camera->width + TILE - 1) / TILE) * (size_t)((camera->height + TILE - 1) / TILE);
     RUN(d, v->clear_ranges, tiles, 1, 0, ARG(v->ranges.memory));
     RUN(d, v->range_blocks, (size_t)v->count, 1, 0, ARG(v->blocks.memory), ARG(*camera), ARG(to_camera),
         ARG(v->surface.voxel), ARG(near_m), ARG(far_m), ARG(v->ranges.memory));
-    RUN(d, v->raycast, (size_t)camera->width, (size_t)camera->height, 16, ARG(v->voxels.memory), ARG(v->table.memory),
-        ARG(v->surface), ARG(*camera), ARG(to_world), ARG(v->ranges.memory), ARG(model->memory));
+    RUN(d, v->raycast, (size_t)camera->width, (size_t)camera->height, 16, ARG(v->voxels.memory),
+        ARG(v->table.memory), ARG(v->surface), ARG(*camera), ARG(to_world), ARG(v->ranges.memory),
+        ARG(model->memory));
 }
 
 void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],

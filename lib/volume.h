@@ -6,10 +6,10 @@
 #include "depth_maps.h"
 
 typedef struct {
-    int capacity;         /* blocks in the pool */
-    int count;            /* in use: places 0..count-1, in the order in which they were made */
-    int64_t refused;      /* blocks that found the pool full */
-    bool full;            /* some were refused by the last allocation */
+    int capacity;    /* blocks in the pool */
+    int count;       /* in use: places 0..count-1, in the order in which they were made */
+    int64_t refused; /* blocks that found the pool full */
+    bool full;       /* some were refused by the last allocation */
     kernel_surface surface;
     float max_weight;
     int tiles;            /* of the finest maps */
@@ -24,7 +24,8 @@ typedef struct {
 /* Bytes that each block of the pool costs, without the pool's fixed part. */
 size_t volume_block_cost(void);
 
-void volume_init(volume *v, device *d, arena *a, const fathom_config *config, const depth_maps *maps, int blocks);
+void volume_init(volume *v, device *d, arena *a, const fathom_config *config, const depth_maps *maps,
+                 int blocks);
 void volume_close(volume *v);
 
 /* Forgets the surface. */
@@ -38,8 +39,8 @@ void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_w
 
 /* Queues the ray-cast of a model map (normal and depth, row by row) as camera sees it; its tiles must not outnumber the
  * finest maps'. */
-void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world, float near_m,
-                    float far_m, device_buffer *model);
+void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
+                    float near_m, float far_m, device_buffer *model);
 
 /* Queues the coarser levels of a model map. */
 void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],

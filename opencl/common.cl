@@ -33,10 +33,9 @@ inline float3 rotate_back(rigid m, float3 v) {
     return m.x.xyz * v.x + m.y.xyz * v.y + m.z.xyz * v.z;
 }
 
-/* Standard deviation of a depth (Nguyen, Izadi, Lovell 2012, eq. 3): noise.x + noise.y (z - 0.4)^2 */
+/* Standard deviation of a depth by triangulation (Khoshelham and Elberink 2012, eq. 8): noise.x + noise.y z^2 */
 inline float depth_sigma(float2 noise, float z) {
-    float d = z;
-    return noise.x + noise.y * d * d;
+    return noise.x + noise.y * z * z;
 }
 
 /* ---- the block hash: open addressing, linear probing; an entry holds a block's coordinates and its place (w), -1: free -- */

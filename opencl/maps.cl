@@ -58,8 +58,7 @@ kernel void smooth_depth(global const float *depth, camera c, float2 noise, floa
     int x = get_global_id(0) * 8, y = get_global_id(1);
     int i = AT(c, x, y);
     float8 z = vload8(0, depth + i);
-    float8 d = z;
-    float8 inverse = 1.0f / (reach * (noise.x + noise.y * d * d));
+    float8 inverse = 1.0f / (reach * (noise.x + noise.y * z * z));
     float8 sum = 0.0f, weights = 0.0f;
     const float binomial[5] = {1.0f, 4.0f, 6.0f, 4.0f, 1.0f};
     for (int dy = -2; dy <= 2; dy++)
@@ -103,8 +102,7 @@ kernel void normal_map(global const float *depth, camera c, float2 noise, global
     float8 z = vload8(0, depth + i);
     float8 left = vload8(0, depth + i - 1), right = vload8(0, depth + i + 1);
     float8 up = vload8(0, depth + i - c.pitch), down = vload8(0, depth + i + c.pitch);
-    float8 d = z;
-    float8 sigma = noise.x + noise.y * d * d;
+    float8 sigma = noise.x + noise.y * z * z;
     /* a step to a neighbour across an edge is not a slope: allow what a surface at 75 degrees makes, and noise */
     float8 limit = 4.0f * sigma + 4.0f * z / c.fx;
     int8 l = left > 0.0f && fabs(left - z) < limit, r = right > 0.0f && fabs(right - z) < limit;

@@ -89,8 +89,7 @@ kernel void fuse_blocks(global const float *depth, camera c, float2 noise, rigid
         float8 s = (d - pz) * sqrt(1.0f + rx * rx + ry * ry);
         valid = valid && d > 0.0f && s > -truncation;
         if (!any(valid)) continue;
-        float8 e = d;
-        float8 sigma = noise.x + noise.y * e * e;
+        float8 sigma = noise.x + noise.y * d * d;
         float8 w = WEIGHT_ONE * sigma_1m * sigma_1m / (sigma * sigma);
         w = clamp(rint(w), 1.0f, 4.0f * WEIGHT_ONE);
         float8 old_d = convert_float8(vload8(k, distances)), old_w = convert_float8(vload8(k, weights));

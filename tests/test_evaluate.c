@@ -12,8 +12,7 @@
 #include "../examples/cli/evaluate.h"
 
 /* A turn of 120 degrees about (1 1 1), which takes x to y to z to x, and a shift. */
-static void move(const double in[3], double out[3])
-{
+static void move(const double in[3], double out[3]) {
     out[0] = in[2] + 3;
     out[1] = in[0] - 7;
     out[2] = in[1] + 0.5;
@@ -22,8 +21,7 @@ static void move(const double in[3], double out[3])
 static const double corners[][3] = {{0, 0, 0}, {1, 0, 0}, {0, 2, 0}, {0, 0, 3}, {1, 1, 1}, {-2, 0.5, 1}};
 #define CORNERS ((int)(sizeof corners / sizeof *corners))
 
-static void test_rigid_is_zero(void **state)
-{
+static void test_rigid_is_zero(void **state) {
     (void)state;
     double moved[CORNERS][3];
     for (int i = 0; i < CORNERS; i++) move(corners[i], moved[i]);
@@ -31,8 +29,7 @@ static void test_rigid_is_zero(void **state)
     assert_float_equal(evaluate_rmse(corners, corners, CORNERS), 0, 1e-12);
 }
 
-static void test_half_turn(void **state)
-{
+static void test_half_turn(void **state) {
     (void)state;
     double moved[CORNERS][3]; /* the quaternion's w is zero here */
     for (int i = 0; i < CORNERS; i++) {
@@ -44,8 +41,7 @@ static void test_half_turn(void **state)
 }
 
 /* No scale: a square's corners at 1 and at 2 from the middle are 1 apart, whatever is turned. */
-static void test_scale_is_an_error(void **state)
-{
+static void test_scale_is_an_error(void **state) {
     (void)state;
     const double one[][3] = {{1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
     const double two[][3] = {{0, 2, 5}, {-2, 0, 5}, {0, -2, 5}, {2, 0, 5}};
@@ -53,8 +49,7 @@ static void test_scale_is_an_error(void **state)
 }
 
 /* Nor a reflection: what differs in sign along the one thin axis stays. */
-static void test_mirror_is_an_error(void **state)
-{
+static void test_mirror_is_an_error(void **state) {
     (void)state;
     const double a[][3] = {{2, 0, 0.1}, {-2, 0, 0.1}, {0, 3, -0.1}, {0, -3, -0.1}};
     double b[4][3];
@@ -65,8 +60,7 @@ static void test_mirror_is_an_error(void **state)
 
 /* One point in a hundred is off by 1, across a plane: the alignment shifts by 0.01 and can hardly tilt, so
  * what is left is sqrt(1^2 / 100 - 0.01^2). */
-static void test_known_offset(void **state)
-{
+static void test_known_offset(void **state) {
     (void)state;
     double a[100][3], b[100][3];
     for (int i = 0; i < 100; i++) {
@@ -79,16 +73,14 @@ static void test_known_offset(void **state)
                        2e-3);
 }
 
-static void test_too_few(void **state)
-{
+static void test_too_few(void **state) {
     (void)state;
     assert_true(isnan(evaluate_rmse(corners, corners, 2)));
     assert_true(isnan(evaluate_rmse(corners, corners, 0)));
 }
 
 /* Only the poses that have a reference count, and it is interpolated. */
-static void test_association(void **state)
-{
+static void test_association(void **state) {
     (void)state;
     fathom_recording_pose poses[5];
     struct path_point points[6];
@@ -117,8 +109,7 @@ static void test_association(void **state)
     assert_true(isnan(evaluate_ate(&recording, &path)));
 }
 
-int main(void)
-{
+int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rigid_is_zero),     cmocka_unit_test(test_half_turn),
         cmocka_unit_test(test_scale_is_an_error), cmocka_unit_test(test_mirror_is_an_error),

@@ -23,8 +23,7 @@ static char folder[256];
 static char errors[2048], warnings[2048]; /* what was logged since the last open */
 static int error_count, warning_count;
 
-static void keep_log(void *user, fathom_log_level level, const char *text)
-{
+static void keep_log(void *user, fathom_log_level level, const char *text) {
     (void)user;
     char *out = level == FATHOM_LOG_ERROR ? errors : warnings;
     const size_t length = strlen(out);
@@ -35,13 +34,11 @@ static void keep_log(void *user, fathom_log_level level, const char *text)
         warning_count++;
 }
 
-static void path_to(const char *file, char out[512])
-{
+static void path_to(const char *file, char out[512]) {
     snprintf(out, 512, "%s/%s", folder, file);
 }
 
-static void write_text(const char *file, const char *text)
-{
+static void write_text(const char *file, const char *text) {
     char path[512];
     path_to(file, path);
     FILE *out = fopen(path, "wb");
@@ -50,8 +47,7 @@ static void write_text(const char *file, const char *text)
     assert_int_equal(fclose(out), 0);
 }
 
-static void write_depth(const char *file, int width, int height, uint16_t value)
-{
+static void write_depth(const char *file, int width, int height, uint16_t value) {
     char path[512], error[256];
     uint16_t *pixels = malloc((size_t)width * (size_t)height * sizeof *pixels);
     assert_non_null(pixels);
@@ -62,8 +58,7 @@ static void write_depth(const char *file, int width, int height, uint16_t value)
 }
 
 /* A small recording that is right in everything: three frames at 2 m. */
-static int make_folder(void **state)
-{
+static int make_folder(void **state) {
     (void)state;
     char name[512];
     snprintf(folder, sizeof folder, "%s/fathom-test-XXXXXX", getenv("TMPDIR") ? getenv("TMPDIR") : "/tmp");
@@ -80,24 +75,21 @@ static int make_folder(void **state)
     return 0;
 }
 
-static int remove_folder(void **state)
-{
+static int remove_folder(void **state) {
     (void)state;
     char command[300];
     snprintf(command, sizeof command, "rm -rf '%s'", folder);
     return system(command);
 }
 
-static int open_with(fathom_recording **recording, fathom_recording_options options)
-{
+static int open_with(fathom_recording **recording, fathom_recording_options options) {
     *errors = *warnings = 0;
     error_count = warning_count = 0;
     options.log = keep_log;
     return fathom_recording_open(recording, folder, &options);
 }
 
-static fathom_recording *open_good(void)
-{
+static fathom_recording *open_good(void) {
     fathom_recording *recording;
     assert_int_equal(open_with(&recording, (fathom_recording_options){0}), FATHOM_OK);
     assert_int_equal(error_count, 0);
@@ -105,8 +97,7 @@ static fathom_recording *open_good(void)
 }
 
 /* Opening fails with that code and exactly one error line that holds the words. */
-static void expect_failure(int code, const char *words)
-{
+static void expect_failure(int code, const char *words) {
     fathom_recording *recording;
     assert_int_equal(open_with(&recording, (fathom_recording_options){0}), code);
     assert_null(recording);
@@ -114,14 +105,12 @@ static void expect_failure(int code, const char *words)
     if (!strstr(errors, words)) fail_msg("expected \"%s\" in: %s", words, errors);
 }
 
-static void expect_one_warning(const char *words)
-{
+static void expect_one_warning(const char *words) {
     assert_int_equal(warning_count, 1);
     if (!strstr(warnings, words)) fail_msg("expected \"%s\" in: %s", words, warnings);
 }
 
-static void test_good(void **state)
-{
+static void test_good(void **state) {
     (void)state;
     uint16_t pixels[WIDTH * HEIGHT];
     fathom_recording *r = open_good();
@@ -138,8 +127,7 @@ static void test_good(void **state)
     fathom_recording_close(r);
 }
 
-static void test_text_forms(void **state)
-{
+static void test_text_forms(void **state) {
     (void)state;
     /* CR LF, a byte order mark, blank lines, comments behind data, tabs, no newline at the end, stamps of our
      * days. */
@@ -160,8 +148,7 @@ static void test_text_forms(void **state)
     fathom_recording_close(r);
 }
 
-static void test_missing(void **state)
-{
+static void test_missing(void **state) {
     (void)state;
     char path[512];
     path_to("depth.txt", path);
@@ -184,8 +171,7 @@ static void test_missing(void **state)
     assert_non_null(strstr(errors, "/nonexistent"));
 }
 
-static void test_bad_depth_lines(void **state)
-{
+static void test_bad_depth_lines(void **state) {
     (void)state;
     write_text("depth.txt", "0 depth/0.png\nnot-a-time depth/1.png\n");
     expect_failure(FATHOM_ERROR_CONFIG, "depth.txt:2:");
@@ -197,8 +183,7 @@ static void test_bad_depth_lines(void **state)
     expect_failure(FATHOM_ERROR_CONFIG, "depth.txt:1:");
 }
 
-static void test_stamps_go_back(void **state)
-{
+static void test_stamps_go_back(void **state) {
     (void)state;
     write_text("depth.txt", "0.0 depth/0.png\n0.2 depth/1.png\n0.1 depth/2.png\n0.3 depth/2.png\n");
     fathom_recording *r = open_good();
@@ -220,8 +205,7 @@ static void test_stamps_go_back(void **state)
     fathom_recording_close(r);
 }
 
-static void test_bad_pictures(void **state)
-{
+static void test_bad_pictures(void **state) {
     (void)state;
     char path[512];
     uint16_t pixels[WIDTH * HEIGHT];
@@ -244,8 +228,7 @@ static void test_bad_pictures(void **state)
     fathom_recording_close(r);
 }
 
-static void test_bad_intrinsics(void **state)
-{
+static void test_bad_intrinsics(void **state) {
     (void)state;
     static const char *const lines[] = {"0 0 31.5 23.5",       "60 -60 31.5 23.5",
                                         "nan 60 31.5 23.5",    "1 1 0.5 0.5",
@@ -271,8 +254,7 @@ static void test_bad_intrinsics(void **state)
     fathom_recording_close(r);
 }
 
-static void test_imu(void **state)
-{
+static void test_imu(void **state) {
     (void)state;
     write_text("imu.txt", "# t g a\n"
                           "9.90 0.1 0.2 0.3 1 2 9.8\n"
@@ -304,8 +286,7 @@ static void test_imu(void **state)
     fathom_recording_close(r);
 }
 
-static void test_rig(void **state)
-{
+static void test_rig(void **state) {
     (void)state;
     write_text("rig.txt", "# a rig\ndepth_scale 2000\nimu_to_camera_rotation 0 0 90\n"
                           "imu_to_camera_translation 0.01 -0.02 0.03\nimu_clock_offset -0.004\ngravity 9.81\n"
@@ -338,8 +319,7 @@ static void test_rig(void **state)
     expect_failure(FATHOM_ERROR_CONFIG, "rig.txt:1:");
 }
 
-static void test_tum_defaults(void **state)
-{
+static void test_tum_defaults(void **state) {
     (void)state;
     char path[512];
     path_to("calibration.txt", path);
@@ -379,8 +359,7 @@ static void test_tum_defaults(void **state)
     fathom_recording_close(r);
 }
 
-static void test_poses(void **state)
-{
+static void test_poses(void **state) {
     (void)state;
     write_text("groundtruth.txt", "0.00 0 0 0 0 0 0 1\n"
                                   "0.02 1 2 3 0 0 1 0\n"
@@ -403,8 +382,7 @@ static void test_poses(void **state)
     fathom_recording_close(r);
 }
 
-int main(void)
-{
+int main(void) {
 #define CASE(test) cmocka_unit_test_setup_teardown(test, make_folder, remove_folder)
     const struct CMUnitTest tests[] = {
         CASE(test_good),

@@ -124,18 +124,10 @@ static void synthetic_pose(const struct camera_path *path, double t, struct came
     const double time = path_time(path, t);
     const double s = pace[path->kind] * path->speed * time, r = swing_pace[path->kind] * path->turn * time;
     switch (path->kind) {
-    case SCENE_ROOM:
-        room_view(path, s, r, &v);
-        break;
-    case SCENE_WALL:
-        wall_view(path, s, r, &v);
-        break;
-    case SCENE_DESK:
-        desk_view(path, s, r, &v);
-        break;
-    case SCENE_CORRIDOR:
-        corridor_view(path, s, r, &v);
-        break;
+    case SCENE_ROOM: room_view(path, s, r, &v); break;
+    case SCENE_WALL: wall_view(path, s, r, &v); break;
+    case SCENE_DESK: desk_view(path, s, r, &v); break;
+    case SCENE_CORRIDOR: corridor_view(path, s, r, &v); break;
     }
     const double w = tremor_weight(path, t);
     for (int i = 0; i < 3; i++)

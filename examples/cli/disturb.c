@@ -6,8 +6,7 @@
 #include <string.h>
 
 /* The range that the frame is in, or -1. */
-static int range_of(const struct frame_ranges *ranges, int frame)
-{
+static int range_of(const struct frame_ranges *ranges, int frame) {
     for (int i = 0; i < ranges->count; i++)
         if (frame >= ranges->range[i].from && frame < ranges->range[i].to) return i;
     return -1;
@@ -15,8 +14,7 @@ static int range_of(const struct frame_ranges *ranges, int frame)
 
 /* The median valid depth, in units, of frames from..to-1 together; 0 when they show nothing, -1 when one
  * can't be read. */
-static int median_units(const fathom_recording *recording, int from, int to, uint16_t *pixels)
-{
+static int median_units(const fathom_recording *recording, int from, int to, uint16_t *pixels) {
     const size_t count = (size_t)recording->width * (size_t)recording->height;
     uint64_t *histogram = calloc(65536, sizeof *histogram);
     uint64_t valid = 0, below = 0;
@@ -39,8 +37,7 @@ static int median_units(const fathom_recording *recording, int from, int to, uin
 }
 
 /* The rotation matrix of a unit quaternion x y z w. */
-static void rotation_of(const double q[4], double r[3][3])
-{
+static void rotation_of(const double q[4], double r[3][3]) {
     const double x = q[0], y = q[1], z = q[2], w = q[3];
     const double out[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
                               {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},
@@ -48,8 +45,7 @@ static void rotation_of(const double q[4], double r[3][3])
     memcpy(r, out, sizeof out);
 }
 
-static bool reference_pose(const fathom_recording *recording, int frame, double r[3][3], double position[3])
-{
+static bool reference_pose(const fathom_recording *recording, int frame, double r[3][3], double position[3]) {
     fathom_recording_pose pose;
     const int64_t stamp = recording->frames[frame].timestamp_ns;
     if (fathom_recording_pose_at(recording, stamp, &pose)) {
@@ -62,8 +58,7 @@ static bool reference_pose(const fathom_recording *recording, int frame, double 
     return true;
 }
 
-static int check_ranges(const char *option, const struct frame_ranges *ranges, int frames)
-{
+static int check_ranges(const char *option, const struct frame_ranges *ranges, int frames) {
     for (int i = 0; i < ranges->count; i++)
         if (ranges->range[i].from >= frames)
             return cli_error(CLI_USAGE, "%s: the recording has frames 0 to %d, no %d", option, frames - 1,
@@ -71,8 +66,7 @@ static int check_ranges(const char *option, const struct frame_ranges *ranges, i
     return CLI_DONE;
 }
 
-static int prepare_wall(struct disturb *disturb, int i, uint16_t *pixels)
-{
+static int prepare_wall(struct disturb *disturb, int i, uint16_t *pixels) {
     const fathom_recording *recording = disturb->recording;
     const int frame = disturb->walls->range[i].from;
     const int units = median_units(recording, frame, frame + 1, pixels);
@@ -89,8 +83,7 @@ static int prepare_wall(struct disturb *disturb, int i, uint16_t *pixels)
     return CLI_DONE;
 }
 
-static int prepare_card(struct disturb *disturb, int i, uint16_t *pixels)
-{
+static int prepare_card(struct disturb *disturb, int i, uint16_t *pixels) {
     const struct frame_range range = disturb->cards->range[i];
     const int frames = disturb->recording->frame_count;
     const int units =
@@ -105,8 +98,7 @@ static int prepare_card(struct disturb *disturb, int i, uint16_t *pixels)
 
 int disturb_prepare(struct disturb *disturb, const fathom_recording *recording,
                     const struct frame_ranges *outages, const struct frame_ranges *walls,
-                    const struct frame_ranges *cards, uint16_t *pixels)
-{
+                    const struct frame_ranges *cards, uint16_t *pixels) {
     *disturb = (struct disturb){.recording = recording, .outages = outages, .walls = walls, .cards = cards};
     int status = check_ranges("--outage", outages, recording->frame_count);
     if (!status) status = check_ranges("--wall", walls, recording->frame_count);
@@ -118,15 +110,13 @@ int disturb_prepare(struct disturb *disturb, const fathom_recording *recording,
     return status;
 }
 
-bool disturb_replaces(const struct disturb *disturb, int frame)
-{
+bool disturb_replaces(const struct disturb *disturb, int frame) {
     return range_of(disturb->outages, frame) >= 0 || range_of(disturb->walls, frame) >= 0 ||
            range_of(disturb->cards, frame) >= 0;
 }
 
 /* Undoes the Brown-Conrady distortion of a point at depth one, by fixed-point iteration. */
-static void undistort(const double k[5], double *x, double *y)
-{
+static void undistort(const double k[5], double *x, double *y) {
     const double x0 = *x, y0 = *y;
     for (int i = 0; i < 10; i++) {
         const double r2 = *x * *x + *y * *y;
@@ -139,8 +129,7 @@ static void undistort(const double k[5], double *x, double *y)
 }
 
 static bool render_wall(const struct disturb *disturb, const struct disturb_wall *wall, int frame,
-                        uint16_t *pixels)
-{
+                        uint16_t *pixels) {
     const fathom_recording *recording = disturb->recording;
     double r[3][3], position[3], normal[3] = {0}, distance = wall->offset;
     if (!reference_pose(recording, frame, r, position)) return false;
@@ -163,8 +152,7 @@ static bool render_wall(const struct disturb *disturb, const struct disturb_wall
     return true;
 }
 
-bool disturb_render(const struct disturb *disturb, int frame, uint16_t *pixels)
-{
+bool disturb_render(const struct disturb *disturb, int frame, uint16_t *pixels) {
     const size_t count = (size_t)disturb->recording->width * (size_t)disturb->recording->height;
     const int card = range_of(disturb->cards, frame), wall = range_of(disturb->walls, frame);
     /* A covered lens sees neither wall nor card, and a card hides the wall. */

@@ -6,8 +6,7 @@
 
 /* The eigenvector of the largest eigenvalue of a symmetric 4x4 matrix, by cyclic Jacobi rotations. Destroys
  * the matrix. */
-static void largest_eigenvector(double a[4][4], double vector[4])
-{
+static void largest_eigenvector(double a[4][4], double vector[4]) {
     double v[4][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
     for (int sweep = 0; sweep < 50; sweep++) {
         double off = 0, on = 0;
@@ -43,8 +42,7 @@ static void largest_eigenvector(double a[4][4], double vector[4])
 }
 
 /* Horn's Section 4: the rotation is the eigenvector of N, made of the sums of products S. */
-static void best_rotation(const double s[3][3], double r[3][3])
-{
+static void best_rotation(const double s[3][3], double r[3][3]) {
     double n[4][4] = {{s[0][0] + s[1][1] + s[2][2], s[1][2] - s[2][1], s[2][0] - s[0][2], s[0][1] - s[1][0]},
                       {s[1][2] - s[2][1], s[0][0] - s[1][1] - s[2][2], s[0][1] + s[1][0], s[2][0] + s[0][2]},
                       {s[2][0] - s[0][2], s[0][1] + s[1][0], s[1][1] - s[0][0] - s[2][2], s[1][2] + s[2][1]},
@@ -58,8 +56,7 @@ static void best_rotation(const double s[3][3], double r[3][3])
     memcpy(r, rotation, sizeof rotation);
 }
 
-double evaluate_rmse(const double (*estimate)[3], const double (*truth)[3], int count)
-{
+double evaluate_rmse(const double (*estimate)[3], const double (*truth)[3], int count) {
     double from[3] = {0}, to[3] = {0}, s[3][3] = {{0}}, r[3][3], sum = 0;
     if (count < 3) return NAN;
     for (int i = 0; i < count; i++)
@@ -80,8 +77,7 @@ double evaluate_rmse(const double (*estimate)[3], const double (*truth)[3], int 
     return sqrt(sum / count);
 }
 
-double evaluate_ate(const fathom_recording *recording, const struct path *path)
-{
+double evaluate_ate(const fathom_recording *recording, const struct path *path) {
     const size_t room = (size_t)path->count + 1;
     double(*estimate)[3] = malloc(room * sizeof *estimate);
     double(*truth)[3] = malloc(room * sizeof *truth);

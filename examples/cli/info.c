@@ -11,8 +11,7 @@
 
 #define MOST 32
 
-static void help(void)
-{
+static void help(void) {
     printf("usage: fathom info [--plan] [settings]\n\n"
            "Prints versions, OpenCL platforms and devices, and the drivers built in.\n\n"
            "    --plan                     also the bytes needed for the given settings:\n"
@@ -21,8 +20,7 @@ static void help(void)
            settings_help);
 }
 
-static void print_device(cl_device_id device)
-{
+static void print_device(cl_device_id device) {
     char name[256] = "?", version[256] = "?", driver[256] = "?";
     cl_device_type type = 0;
     cl_ulong memory = 0;
@@ -43,8 +41,7 @@ static void print_device(cl_device_id device)
            (uint64_t)memory >> 20, shared ? "shared with the host" : "its own memory", version, driver);
 }
 
-static void print_platforms(void)
-{
+static void print_platforms(void) {
     cl_platform_id platforms[MOST];
     cl_uint platform_count = 0;
     const cl_int result = clGetPlatformIDs(MOST, platforms, &platform_count);
@@ -66,8 +63,7 @@ static void print_platforms(void)
     }
 }
 
-static int print_plan(const struct settings *settings, struct cli_log *log)
-{
+static int print_plan(const struct settings *settings, struct cli_log *log) {
     fathom_memory_plan plan;
     const int result = fathom_memory_plan_for(&settings->config, &plan);
     if (result < 0)
@@ -85,8 +81,7 @@ static int print_plan(const struct settings *settings, struct cli_log *log)
     return CLI_DONE;
 }
 
-int command_info(int argc, char **argv)
-{
+int command_info(int argc, char **argv) {
     struct options options = {.count = argc, .arguments = argv, .at = 1};
     struct settings settings;
     struct cli_log log = {0};

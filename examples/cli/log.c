@@ -4,8 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-void log_message(void *user, fathom_log_level level, const char *text)
-{
+void log_message(void *user, fathom_log_level level, const char *text) {
     struct cli_log *log = user;
     switch (level) {
     case FATHOM_LOG_ERROR:
@@ -21,12 +20,10 @@ void log_message(void *user, fathom_log_level level, const char *text)
     }
 }
 
-void log_clear(struct cli_log *log)
-{
+void log_clear(struct cli_log *log) {
     *log->error = 0;
 }
 
-const char *log_reason(const struct cli_log *log, int error)
-{
+const char *log_reason(const struct cli_log *log, int error) {
     return *log->error ? log->error : fathom_error_name(error);
 }

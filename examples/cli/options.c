@@ -5,8 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-bool options_next(struct options *options)
-{
+bool options_next(struct options *options) {
     options->name[0] = 0;
     options->value = NULL;
     if (options->at >= options->count) return false;
@@ -25,23 +24,20 @@ bool options_next(struct options *options)
     return true;
 }
 
-const char *options_value(struct options *options)
-{
+const char *options_value(struct options *options) {
     if (!options->value && options->at < options->count) options->value = options->arguments[options->at++];
     if (!options->value) cli_error(CLI_USAGE, "%s needs a value", options->name);
     return options->value;
 }
 
-bool options_flag(const struct options *options)
-{
+bool options_flag(const struct options *options) {
     if (options->value) cli_error(CLI_USAGE, "%s takes no value", options->name);
     return !options->value;
 }
 
 /* Copies what stands before the next separator; NULL when it doesn't fit. Moves *text behind the separator,
  * or to NULL at the end. */
-static const char *next_part(const char **text, char separator, char part[64])
-{
+static const char *next_part(const char **text, char separator, char part[64]) {
     const char *end = strchr(*text, separator);
     const size_t length = end ? (size_t)(end - *text) : strlen(*text);
     if (length >= 64) return NULL;
@@ -51,8 +47,7 @@ static const char *next_part(const char **text, char separator, char part[64])
     return part;
 }
 
-bool parse_numbers(const char *option, const char *text, int count, double low, double high, double *values)
-{
+bool parse_numbers(const char *option, const char *text, int count, double low, double high, double *values) {
     char part[64];
     const char *rest = text;
     for (int i = 0; i < count; i++) {
@@ -66,8 +61,7 @@ bool parse_numbers(const char *option, const char *text, int count, double low, 
     return !rest;
 }
 
-bool parse_size(const char *option, const char *text, int low, int high, int *width, int *height)
-{
+bool parse_size(const char *option, const char *text, int low, int high, int *width, int *height) {
     char part[64];
     const char *rest = text;
     long w, h;
@@ -82,8 +76,7 @@ bool parse_size(const char *option, const char *text, int low, int high, int *wi
     return true;
 }
 
-bool parse_ranges(const char *option, const char *text, struct frame_ranges *ranges)
-{
+bool parse_ranges(const char *option, const char *text, struct frame_ranges *ranges) {
     const char *rest = text;
     while (rest) {
         char part[64];

@@ -19,37 +19,32 @@ struct scene {
     float *depth;                      /* a map of LOOK_WIDTH x LOOK_HEIGHT */
 };
 
-static float dot(const float a[3], const float b[3])
-{
+static float dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static void cross(const float a[3], const float b[3], float out[3])
-{
+static void cross(const float a[3], const float b[3], float out[3]) {
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
 /* False, and nothing changed, for a vector that has no direction. */
-static bool normalise(float v[3])
-{
+static bool normalise(float v[3]) {
     const float length = sqrtf(dot(v, v));
     if (!(length > 1e-3f)) return false;
     for (int i = 0; i < 3; i++) v[i] /= length;
     return true;
 }
 
-static int compare(const void *a, const void *b)
-{
+static int compare(const void *a, const void *b) {
     const float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
 }
 
 /* Upwards is against the camera's y axis, forward along its z axis, each averaged over the way. Someone who
  * has turned right round has no average direction: then the first pose's has to do. */
-static void find_axes(struct scene *scene, const struct path *path)
-{
+static void find_axes(struct scene *scene, const struct path *path) {
     const float *first = path->points[0].pose;
     float up[3] = {0}, forward[3] = {0};
     for (int i = 0; i < path->count; i++)
@@ -71,8 +66,7 @@ static void find_axes(struct scene *scene, const struct path *path)
     cross(forward, up, scene->right);
 }
 
-static int sample_surface(fathom *context, const struct path *path, struct scene *scene)
-{
+static int sample_surface(fathom *context, const struct path *path, struct scene *scene) {
     fathom_view look = {.width = LOOK_WIDTH,
                         .height = LOOK_HEIGHT,
                         .fx = 0.7f * LOOK_WIDTH,
@@ -99,8 +93,7 @@ static int sample_surface(fathom *context, const struct path *path, struct scene
 }
 
 /* The middle of the 5th and 95th percentile along each axis: a few far points don't move it. */
-static int find_centre(struct scene *scene)
-{
+static int find_centre(struct scene *scene) {
     float *sorted = malloc((size_t)scene->count * sizeof *sorted);
     if (!sorted) return FATHOM_ERROR_MEMORY;
     for (int k = 0; k < 3; k++) {
@@ -115,8 +108,7 @@ static int find_centre(struct scene *scene)
 /* Looks at the centre from 'distance' away: behind it as the camera was held, turned by azimuth, raised by
  * elevation. */
 static void look_from(const struct scene *scene, float azimuth, float elevation, float distance,
-                      fathom_view *view)
-{
+                      fathom_view *view) {
     float x[3], y[3], z[3];
     for (int k = 0; k < 3; k++)
         z[k] = cosf(elevation) * (cosf(azimuth) * scene->forward[k] + sinf(azimuth) * scene->right[k]) -
@@ -135,8 +127,8 @@ static void look_from(const struct scene *scene, float azimuth, float elevation,
 }
 
 /* Where a world point falls in the view; false when it is behind it or outside. */
-static bool project(const fathom_view *view, const float world[3], float margin, float *u, float *v, float *z)
-{
+static bool project(const fathom_view *view, const float world[3], float margin, float *u, float *v,
+                    float *z) {
     float camera[3] = {0};
     for (int k = 0; k < 3; k++)
         for (int l = 0; l < 3; l++) camera[k] += view->pose[4 * l + k] * (world[l] - view->pose[4 * l + 3]);
@@ -148,14 +140,12 @@ static bool project(const fathom_view *view, const float world[3], float margin,
            *v <= (float)view->height - 1 - margin;
 }
 
-static void position_of(const struct path_point *point, float out[3])
-{
+static void position_of(const struct path_point *point, float out[3]) {
     for (int k = 0; k < 3; k++) out[k] = point->pose[4 * k + 3];
 }
 
 /* Nearly all of the surface and all of the way are in the frame. */
-static bool shows_all(const struct scene *scene, const struct path *path, const fathom_view *view)
-{
+static bool shows_all(const struct scene *scene, const struct path *path, const fathom_view *view) {
     const float margin = 0.04f * (float)view->width;
     float u, v, z;
     int outside = 0;
@@ -170,8 +160,7 @@ static bool shows_all(const struct scene *scene, const struct path *path, const 
 }
 
 static float nearest_distance(const struct scene *scene, const struct path *path, float azimuth,
-                              float elevation, fathom_view *view)
-{
+                              float elevation, fathom_view *view) {
     float near = 0.1f, far = 100;
     for (int i = 0; i < 14; i++) {
         const float distance = sqrtf(near * far);
@@ -186,8 +175,7 @@ static float nearest_distance(const struct scene *scene, const struct path *path
 
 /* How much a view shows: surface and way that nothing stands in front of, and how well it fills the frame. */
 static int score_view(fathom *context, const struct scene *scene, const struct path *path,
-                      const fathom_view *view, float *score)
-{
+                      const fathom_view *view, float *score) {
     fathom_view small = *view;
     const float scale = (float)LOOK_WIDTH / (float)view->width;
     int seen = 0, asked = 0, way_seen = 0, covered = 0;
@@ -217,8 +205,8 @@ static int score_view(fathom *context, const struct scene *scene, const struct p
     return FATHOM_OK;
 }
 
-static int choose_best(fathom *context, const struct scene *scene, const struct path *path, fathom_view *view)
-{
+static int choose_best(fathom *context, const struct scene *scene, const struct path *path,
+                       fathom_view *view) {
     static const float azimuths[] = {0.35f, -0.35f, 0.8f, -0.8f, 0}, elevations[] = {0.5f, 0.25f, 0.8f};
     const size_t rows = sizeof elevations / sizeof *elevations, columns = sizeof azimuths / sizeof *azimuths;
     fathom_view best = *view;
@@ -246,8 +234,7 @@ static int choose_best(fathom *context, const struct scene *scene, const struct 
     return FATHOM_OK;
 }
 
-int overview_choose(fathom *context, const struct path *path, fathom_view *view)
-{
+int overview_choose(fathom *context, const struct path *path, fathom_view *view) {
     if (!path->count) return FATHOM_ERROR_NO_DATA;
     struct scene scene = {.points = malloc(MOST_POINTS * sizeof *scene.points),
                           .depth = malloc(LOOK_WIDTH * LOOK_HEIGHT * sizeof *scene.depth)};

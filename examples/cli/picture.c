@@ -27,8 +27,7 @@ static const uint8_t colours[4][3] = {
 };
 
 /* Pixels and depth of a pose's origin; false when it is behind the view. */
-static bool project(const fathom_view *view, const float pose[16], float out[3])
-{
+static bool project(const fathom_view *view, const float pose[16], float out[3]) {
     float camera[3] = {0};
     for (int k = 0; k < 3; k++)
         for (int l = 0; l < 3; l++)
@@ -40,16 +39,14 @@ static bool project(const fathom_view *view, const float pose[16], float out[3])
     return true;
 }
 
-static int clamp(float value, int low, int high)
-{
+static int clamp(float value, int low, int high) {
     return !(value > (float)low) ? low : value > (float)high ? high : (int)value;
 }
 
 /* Inks every pixel by how far the thick line from a to b (pixels and depth; a dot when they are the same)
  * covers it. What a pixel has already isn't added to, or the joints of a line would show. */
 static void ink_line(struct canvas *canvas, const float a[3], const float b[3], float half_width,
-                     fathom_state state)
-{
+                     fathom_state state) {
     const int left = clamp(fminf(a[0], b[0]) - half_width - 1, 0, WIDTH),
               top = clamp(fminf(a[1], b[1]) - half_width - 1, 0, HEIGHT);
     const int right = clamp(fmaxf(a[0], b[0]) + half_width + 2, 0, WIDTH);
@@ -74,8 +71,7 @@ static void ink_line(struct canvas *canvas, const float a[3], const float b[3], 
 }
 
 /* Lays what was inked over the picture and clears it for the next layer. */
-static void blend(struct canvas *canvas, const uint8_t *one_colour, float strength)
-{
+static void blend(struct canvas *canvas, const uint8_t *one_colour, float strength) {
     for (size_t i = 0; i < (size_t)WIDTH * HEIGHT; i++) {
         const float ink = canvas->ink[i] * strength;
         if (!(ink > 0)) continue;
@@ -88,8 +84,7 @@ static void blend(struct canvas *canvas, const uint8_t *one_colour, float streng
     }
 }
 
-static void ink_path(struct canvas *canvas, const struct path *path, float half_width)
-{
+static void ink_path(struct canvas *canvas, const struct path *path, float half_width) {
     float before[3], now[3];
     bool have_before = false;
     for (int i = 0; i < path->count; i++) {
@@ -102,8 +97,7 @@ static void ink_path(struct canvas *canvas, const struct path *path, float half_
     }
 }
 
-static int draw(fathom *context, const struct path *path, struct canvas *canvas)
-{
+static int draw(fathom *context, const struct path *path, struct canvas *canvas) {
     static const uint8_t white[3] = {255, 255, 255};
     canvas->view = (fathom_view){.width = WIDTH,
                                  .height = HEIGHT,
@@ -123,8 +117,7 @@ static int draw(fathom *context, const struct path *path, struct canvas *canvas)
     return FATHOM_OK;
 }
 
-bool picture_write(fathom *context, const struct path *path, const char *file)
-{
+bool picture_write(fathom *context, const struct path *path, const char *file) {
     const size_t pixels = (size_t)WIDTH * HEIGHT;
     char error[512];
     struct canvas canvas = {.rgb = malloc(3 * pixels),

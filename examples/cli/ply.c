@@ -21,33 +21,28 @@ struct ply_slot {
 #define VERTEX_BYTES 24
 #define FACE_BYTES 13
 
-static bool fail(struct ply *ply, const char *why)
-{
+static bool fail(struct ply *ply, const char *why) {
     if (!ply->failed) cli_error(CLI_FAILED, "%s: %s", ply->path, why);
     ply->failed = true;
     return false;
 }
 
-static bool fail_errno(struct ply *ply)
-{
+static bool fail_errno(struct ply *ply) {
     return fail(ply, errno ? strerror(errno) : "write error");
 }
 
-static void put_u32(unsigned char *out, uint32_t value)
-{
+static void put_u32(unsigned char *out, uint32_t value) {
     for (int i = 0; i < 4; i++) out[i] = (unsigned char)(value >> (8 * i));
 }
 
-static void put_float(unsigned char *out, float value)
-{
+static void put_float(unsigned char *out, float value) {
     uint32_t bits;
     memcpy(&bits, &value, sizeof bits);
     put_u32(out, bits);
 }
 
 /* The header always has the same length: what the counts leave over fills up a comment. */
-static bool write_header(struct ply *ply)
-{
+static bool write_header(struct ply *ply) {
     static const char filler[] = "........................................";
     char counts[64];
     const int length =
@@ -63,16 +58,14 @@ static bool write_header(struct ply *ply)
                ply->face_count) > 0;
 }
 
-static char *joined(const char *path, const char *end)
-{
+static char *joined(const char *path, const char *end) {
     const size_t size = strlen(path) + strlen(end) + 1;
     char *name = malloc(size);
     if (name) snprintf(name, size, "%s%s", path, end);
     return name;
 }
 
-bool ply_open(struct ply *ply, const char *path)
-{
+bool ply_open(struct ply *ply, const char *path) {
     *ply = (struct ply){.path = path};
     ply->vertices_path = joined(path, ".part");
     ply->faces_path = joined(path, ".faces.part");
@@ -88,13 +81,11 @@ bool ply_open(struct ply *ply, const char *path)
     return false;
 }
 
-static bool same_position(const float a[3], const float b[3])
-{
+static bool same_position(const float a[3], const float b[3]) {
     return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
 }
 
-static bool write_vertex(struct ply *ply, const fathom_vertex *vertex)
-{
+static bool write_vertex(struct ply *ply, const fathom_vertex *vertex) {
     unsigned char bytes[VERTEX_BYTES];
     for (int i = 0; i < 3; i++) {
         put_float(bytes + 4 * i, vertex->position[i]);
@@ -108,8 +99,7 @@ static bool write_vertex(struct ply *ply, const fathom_vertex *vertex)
 }
 
 /* The vertex's number in the file; writes it if it isn't remembered. */
-static bool vertex_index(struct ply *ply, const fathom_vertex *vertex, uint32_t *index)
-{
+static bool vertex_index(struct ply *ply, const fathom_vertex *vertex, uint32_t *index) {
     uint32_t hash = 2166136261u;
     for (int i = 0; i < 3; i++) {
         const float coordinate = vertex->position[i] + 0.0f; /* -0 becomes 0: they compare as equal */
@@ -135,8 +125,7 @@ static bool vertex_index(struct ply *ply, const fathom_vertex *vertex, uint32_t 
     return true;
 }
 
-int ply_triangles(void *user, const fathom_vertex *vertices, size_t triangle_count)
-{
+int ply_triangles(void *user, const fathom_vertex *vertices, size_t triangle_count) {
     struct ply *ply = user;
     for (size_t i = 0; i < triangle_count && !ply->failed; i++) {
         const fathom_vertex *corner = vertices + 3 * i;
@@ -160,8 +149,7 @@ int ply_triangles(void *user, const fathom_vertex *vertices, size_t triangle_cou
     return ply->failed ? FATHOM_ERROR_STOPPED : 0;
 }
 
-static bool append_faces(struct ply *ply)
-{
+static bool append_faces(struct ply *ply) {
     char buffer[1 << 14];
     size_t length;
     errno = 0;
@@ -171,8 +159,7 @@ static bool append_faces(struct ply *ply)
     return !ferror(ply->faces) || fail_errno(ply);
 }
 
-bool ply_close(struct ply *ply)
-{
+bool ply_close(struct ply *ply) {
     bool good = !ply->failed && append_faces(ply);
     errno = 0;
     if (good && (fseek(ply->vertices, 0, SEEK_SET) || !write_header(ply) || fflush(ply->vertices)))
@@ -190,8 +177,7 @@ bool ply_close(struct ply *ply)
     return good;
 }
 
-void ply_discard(struct ply *ply)
-{
+void ply_discard(struct ply *ply) {
     if (ply->vertices) fclose(ply->vertices);
     if (ply->faces) fclose(ply->faces);
     if (ply->vertices_path) unlink(ply->vertices_path);

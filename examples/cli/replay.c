@@ -38,15 +38,13 @@ struct replay {
 };
 
 /* Wrong settings are the user's to mend (2); the rest has failed (1). */
-static int status_of(int error)
-{
+static int status_of(int error) {
     return error == FATHOM_ERROR_CONFIG || error == FATHOM_ERROR_MEMORY ? CLI_USAGE : CLI_FAILED;
 }
 
 /* ---- before the first frame ---------------------------------------------------------------------------- */
 
-static int open_recording(struct replay *replay)
-{
+static int open_recording(struct replay *replay) {
     const struct replay_options *options = &replay->options;
     fathom_recording_options how = {.imu_file = options->imu,
                                     .depth_units_per_metre = options->settings.depth_scale,
@@ -75,8 +73,7 @@ static int open_recording(struct replay *replay)
 /* Samples from before the first frame tell the bias and where up is; ten seconds of them are plenty. */
 static const int64_t lead_in_ns = 10000000000;
 
-static int first_imu(const fathom_recording *recording)
-{
+static int first_imu(const fathom_recording *recording) {
     int first = 0;
     const int64_t from = recording->frames[0].timestamp_ns - lead_in_ns;
     while (first < recording->imu_count &&
@@ -87,8 +84,7 @@ static int first_imu(const fathom_recording *recording)
 
 /* How far the samples must be pushed before frame 'index': one beyond its stamp, so that it can be
  * interpolated at. */
-static int imu_until(const fathom_recording *recording, int next, int index)
-{
+static int imu_until(const fathom_recording *recording, int next, int index) {
     const int64_t stamp = recording->frames[index].timestamp_ns;
     while (next < recording->imu_count &&
            (next == 0 || recording->imu[next - 1].timestamp_ns + recording->imu_clock_offset_ns <= stamp))
@@ -97,8 +93,7 @@ static int imu_until(const fathom_recording *recording, int next, int index)
 }
 
 /* A replay pushes everything between two frames at once; the ring must hold that, however long the gap. */
-static int imu_capacity(const fathom_recording *recording, int stride)
-{
+static int imu_capacity(const fathom_recording *recording, int stride) {
     int most = 0, next = first_imu(recording);
     for (int i = 0; i < recording->frame_count; i += stride) {
         const int until = imu_until(recording, next, i);
@@ -110,8 +105,7 @@ static int imu_capacity(const fathom_recording *recording, int stride)
     return capacity;
 }
 
-static int start_library(struct replay *replay)
-{
+static int start_library(struct replay *replay) {
     fathom_config *config = &replay->options.settings.config;
     fathom_recording_configure(replay->recording, config);
     const int capacity = imu_capacity(replay->recording, replay->options.stride);
@@ -137,8 +131,7 @@ static int start_library(struct replay *replay)
 }
 
 /* A place that can't be written to is better known now than after the scan. */
-static bool can_write(const char *file)
-{
+static bool can_write(const char *file) {
     char probe[4096];
     snprintf(probe, sizeof probe, "%s.part", file);
     FILE *opened = fopen(probe, "wb");
@@ -151,8 +144,7 @@ static bool can_write(const char *file)
     return true;
 }
 
-static int open_files(struct replay *replay)
-{
+static int open_files(struct replay *replay) {
     const struct replay_options *options = &replay->options;
     if (options->mesh && !can_write(options->mesh)) return CLI_FAILED;
     if (options->picture && !can_write(options->picture)) return CLI_FAILED;
@@ -161,8 +153,7 @@ static int open_files(struct replay *replay)
     return CLI_DONE;
 }
 
-static int allocate(struct replay *replay)
-{
+static int allocate(struct replay *replay) {
     const fathom_recording *recording = replay->recording;
     const size_t frames = (size_t)recording->frame_count;
     replay->pixels = malloc((size_t)recording->width * (size_t)recording->height * sizeof *replay->pixels);
@@ -172,8 +163,7 @@ static int allocate(struct replay *replay)
     return CLI_DONE;
 }
 
-static int prepare_disturbance(struct replay *replay)
-{
+static int prepare_disturbance(struct replay *replay) {
     const struct replay_options *options = &replay->options;
     log_clear(&replay->log);
     const int status = disturb_prepare(&replay->disturb, replay->recording, &options->outages,
@@ -184,15 +174,13 @@ static int prepare_disturbance(struct replay *replay)
 
 /* ---- frames -------------------------------------------------------------------------------------------- */
 
-static void push_imu(struct replay *replay, int index)
-{
+static void push_imu(struct replay *replay, int index) {
     const int until = imu_until(replay->recording, replay->next_imu, index);
     for (; replay->next_imu < until; replay->next_imu++)
         fathom_push_imu(replay->scan, &replay->recording->imu[replay->next_imu]);
 }
 
-static void take_result(struct replay *replay, int index, const fathom_result *result)
-{
+static void take_result(struct replay *replay, int index, const fathom_result *result) {
     const int64_t stamp = replay->recording->frames[index].timestamp_ns;
     struct path_point *point = &replay->path.points[replay->path.count];
     replay->ms[replay->path.count++] = result->ms_total;
@@ -209,8 +197,7 @@ static void take_result(struct replay *replay, int index, const fathom_result *r
 }
 
 /* Returns a CLI_ status; after one that isn't CLI_DONE no more frames are to be taken. */
-static int take_frame(struct replay *replay, int index)
-{
+static int take_frame(struct replay *replay, int index) {
     const fathom_recording *recording = replay->recording;
     fathom_result result;
     log_clear(&replay->log);
@@ -234,8 +221,7 @@ static int take_frame(struct replay *replay, int index)
     return CLI_DONE;
 }
 
-static int take_frames(struct replay *replay)
-{
+static int take_frames(struct replay *replay) {
     const int stride = replay->options.stride, frames = replay->recording->frame_count;
     int status = CLI_DONE;
     cli_progress_start("frames", (frames + stride - 1) / stride, replay->options.progress);
@@ -246,8 +232,7 @@ static int take_frames(struct replay *replay)
 
 /* ---- after the last frame ------------------------------------------------------------------------------ */
 
-static bool write_mesh(struct replay *replay)
-{
+static bool write_mesh(struct replay *replay) {
     struct ply ply;
     if (!ply_open(&ply, replay->options.mesh)) return false;
     log_clear(&replay->log);
@@ -262,8 +247,7 @@ static bool write_mesh(struct replay *replay)
     return ply_close(&ply);
 }
 
-static void say_counters(const struct replay *replay)
-{
+static void say_counters(const struct replay *replay) {
     fathom_counters c;
     if (fathom_get_counters(replay->scan, &c)) return;
     if (c.imu_overrun)
@@ -278,16 +262,14 @@ static void say_counters(const struct replay *replay)
                  c.frames_ignored, c.blocks_refused);
 }
 
-static void print_number(const char *name, int decimals, double value)
-{
+static void print_number(const char *name, int decimals, double value) {
     if (isnan(value))
         printf(" %s=nan", name); /* printf may say -nan */
     else
         printf(" %s=%.*f", name, decimals, value);
 }
 
-static void print_summary(struct replay *replay)
-{
+static void print_summary(struct replay *replay) {
     const int *count = replay->count;
     printf("frames=%d tracked=%d reckoned=%d lost=%d", replay->path.count,
            count[FATHOM_FIRST] + count[FATHOM_TRACKED], count[FATHOM_RECKONED], count[FATHOM_LOST]);
@@ -300,8 +282,7 @@ static void print_summary(struct replay *replay)
 }
 
 /* Whatever ended the frames, what was scanned until then is written. */
-static void finish(struct replay *replay)
-{
+static void finish(struct replay *replay) {
     const struct replay_options *options = &replay->options;
     if (!trajectory_close(&replay->trajectory)) replay->write_failed = true;
     if (!stats_close(&replay->stats)) replay->write_failed = true;
@@ -312,8 +293,7 @@ static void finish(struct replay *replay)
     print_summary(replay);
 }
 
-static void clean_up(struct replay *replay)
-{
+static void clean_up(struct replay *replay) {
     if (replay->trajectory.file) fclose(replay->trajectory.file);
     if (replay->stats.file) fclose(replay->stats.file);
     fathom_close(replay->scan);
@@ -324,8 +304,7 @@ static void clean_up(struct replay *replay)
     free(replay->ms);
 }
 
-int command_replay(int argc, char **argv)
-{
+int command_replay(int argc, char **argv) {
     struct replay replay = {0};
     int status = replay_options_read(&replay.options, argc, argv);
     if (status || replay.options.help) return status;

@@ -4,8 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static void help(void)
-{
+static void help(void) {
     printf(
         "usage: fathom replay FOLDER [options]\n\n"
         "Tracks and reconstructs a recording folder (TUM RGB-D / ETH3D layout).\n\n"
@@ -29,8 +28,7 @@ static void help(void)
 }
 
 /* The present option's value into *text, once only. */
-static bool take_text(struct options *options, const char **text)
-{
+static bool take_text(struct options *options, const char **text) {
     const char *value = options_value(options);
     if (!value) return false;
     if (!*value) {
@@ -41,14 +39,12 @@ static bool take_text(struct options *options, const char **text)
     return true;
 }
 
-static bool take_ranges(struct options *options, struct frame_ranges *ranges)
-{
+static bool take_ranges(struct options *options, struct frame_ranges *ranges) {
     const char *value = options_value(options);
     return value && parse_ranges(options->name, value, ranges);
 }
 
-static bool take_option(struct replay_options *out, struct options *options)
-{
+static bool take_option(struct replay_options *out, struct options *options) {
     static const char *const later[] = {"--report", "--save-map", "--resume"};
     const char *name = options->name;
     for (size_t i = 0; i < sizeof later / sizeof *later; i++)
@@ -83,8 +79,7 @@ static bool take_option(struct replay_options *out, struct options *options)
     return false;
 }
 
-int replay_options_read(struct replay_options *out, int argc, char **argv)
-{
+int replay_options_read(struct replay_options *out, int argc, char **argv) {
     struct options options = {.count = argc, .arguments = argv, .at = 1};
     *out = (struct replay_options){.stride = 1};
     settings_start(&out->settings);

@@ -64,14 +64,11 @@ static double cone_distance(const struct solid *s, double x, double y, double z)
 
 double solid_distance(const struct solid *s, double x, double y, double z) {
     switch (s->kind) {
-    case SOLID_BOX:
-        return box_distance(s, x, y, z);
-    case SOLID_SPHERE:
-        return sqrt(x * x + y * y + z * z) - s->a;
+    case SOLID_BOX: return box_distance(s, x, y, z);
+    case SOLID_SPHERE: return sqrt(x * x + y * y + z * z) - s->a;
     case SOLID_CYLINDER:
         return from_excess2(sqrt(x * x + y * y) - s->a + s->round, fabs(z) - s->c + s->round) - s->round;
-    default:
-        return cone_distance(s, x, y, z);
+    default: return cone_distance(s, x, y, z);
     }
 }
 

@@ -17,13 +17,11 @@ const char settings_help[] =
     "    --threads N                threads of the OpenCL device, where it lets them be set (PoCL)\n"
     "    --device NAME              part of an OpenCL platform's or device's name, or cpu, or gpu\n";
 
-void settings_start(struct settings *settings)
-{
+void settings_start(struct settings *settings) {
     *settings = (struct settings){.config = fathom_config_default()};
 }
 
-static int take_choice(const char *option, const char *text, const char *first, const char *second)
-{
+static int take_choice(const char *option, const char *text, const char *first, const char *second) {
     if (strcmp(text, first) == 0) return 0;
     if (strcmp(text, second) == 0) return 1;
     cli_error(CLI_USAGE, "%s: '%s' is neither %s nor %s", option, text, first, second);
@@ -31,8 +29,7 @@ static int take_choice(const char *option, const char *text, const char *first, 
 }
 
 /* PoCL reads these when its device starts; the first is the older name. */
-static bool set_threads(const char *option, const char *text)
-{
+static bool set_threads(const char *option, const char *text) {
     long threads;
     char number[24];
     if (!cli_parse_long(option, text, 1, 1024, &threads)) return false;
@@ -42,8 +39,7 @@ static bool set_threads(const char *option, const char *text)
     return true;
 }
 
-static bool set_iterations(const char *option, const char *text, fathom_config *config)
-{
+static bool set_iterations(const char *option, const char *text, fathom_config *config) {
     double counts[FATHOM_LEVELS];
     if (!parse_numbers(option, text, FATHOM_LEVELS, 0, 100, counts)) return false;
     int sum = 0;
@@ -60,8 +56,7 @@ static bool set_iterations(const char *option, const char *text, fathom_config *
     return sum > 0;
 }
 
-int settings_take(struct settings *settings, struct options *options)
-{
+int settings_take(struct settings *settings, struct options *options) {
     enum key {
         DEPTH_SCALE,
         INTRINSICS,

@@ -133,43 +133,27 @@ static bool parse_grade(const char *text, const struct imu_grade **grade) {
 
 static bool take_option(struct options *o, int option) {
     switch (option) {
-    case OPTION_SEED:
-        return cli_parse_long("--seed", optarg, 0, 1000000000L, &o->seed);
-    case OPTION_CLEAN:
-        return o->clean = true;
-    case OPTION_MOTION:
-        o->motion = optarg;
-        return true;
-    case OPTION_FRAMES:
-        return cli_parse_long("--frames", optarg, 1, MOST_FRAMES, &o->frames);
-    case OPTION_SIZE:
-        return parse_size(optarg, &o->width, &o->height);
-    case OPTION_LENGTH:
-        return cli_parse_double("--length", optarg, 6.0, 10000.0, &o->length);
-    case OPTION_SPEED:
-        return cli_parse_double("--speed", optarg, 0.01, 20.0, &o->speed);
-    case OPTION_TURN:
-        return cli_parse_double("--turn", optarg, 0.0, 40.0, &o->turn);
-    case OPTION_STILL:
-        return cli_parse_double("--still", optarg, 0.0, 3600.0, &o->still);
-    case OPTION_GRADE:
-        return parse_grade(optarg, &o->grade);
-    case OPTION_RATE:
-        return cli_parse_double("--imu-rate", optarg, 10.0, 8000.0, &o->imu_rate);
+    case OPTION_SEED: return cli_parse_long("--seed", optarg, 0, 1000000000L, &o->seed);
+    case OPTION_CLEAN: return o->clean = true;
+    case OPTION_MOTION: o->motion = optarg; return true;
+    case OPTION_FRAMES: return cli_parse_long("--frames", optarg, 1, MOST_FRAMES, &o->frames);
+    case OPTION_SIZE: return parse_size(optarg, &o->width, &o->height);
+    case OPTION_LENGTH: return cli_parse_double("--length", optarg, 6.0, 10000.0, &o->length);
+    case OPTION_SPEED: return cli_parse_double("--speed", optarg, 0.01, 20.0, &o->speed);
+    case OPTION_TURN: return cli_parse_double("--turn", optarg, 0.0, 40.0, &o->turn);
+    case OPTION_STILL: return cli_parse_double("--still", optarg, 0.0, 3600.0, &o->still);
+    case OPTION_GRADE: return parse_grade(optarg, &o->grade);
+    case OPTION_RATE: return cli_parse_double("--imu-rate", optarg, 10.0, 8000.0, &o->imu_rate);
     case OPTION_ROTATION:
         return parse_triple("--imu-rotation", optarg, -360.0, 360.0, o->mounting.rotation_deg);
     case OPTION_TRANSLATION:
         return parse_triple("--imu-translation", optarg, -10.0, 10.0, o->mounting.translation);
     case OPTION_OFFSET:
         return cli_parse_double("--imu-clock-offset", optarg, -10.0, 10.0, &o->mounting.clock_offset);
-    case OPTION_THREADS:
-        return cli_parse_long("--threads", optarg, 1, 1024, &o->threads);
-    case OPTION_FORCE:
-        return o->force = true;
-    case OPTION_PROGRESS:
-        return o->progress = true;
-    default:
-        return false;
+    case OPTION_THREADS: return cli_parse_long("--threads", optarg, 1, 1024, &o->threads);
+    case OPTION_FORCE: return o->force = true;
+    case OPTION_PROGRESS: return o->progress = true;
+    default: return false;
     }
 }
 

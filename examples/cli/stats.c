@@ -7,16 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool fail(struct stats *stats)
-{
+static bool fail(struct stats *stats) {
     cli_error(CLI_FAILED, "%s: %s", stats->path, strerror(errno));
     if (stats->file) fclose(stats->file);
     stats->file = NULL;
     return false;
 }
 
-bool stats_open(struct stats *stats, const char *path)
-{
+bool stats_open(struct stats *stats, const char *path) {
     *stats = (struct stats){.path = path, .file = fopen(path, "w")};
     if (!stats->file) return fail(stats);
     fputs("t,state,iterations,pairs,rms_m,weight,condition,prior_rotation_deg,prior_translation_m,"
@@ -25,8 +23,7 @@ bool stats_open(struct stats *stats, const char *path)
     return !fflush(stats->file) || fail(stats);
 }
 
-bool stats_add(struct stats *stats, const fathom_result *r)
-{
+bool stats_add(struct stats *stats, const fathom_result *r) {
     if (!stats->file) return true;
     const double degrees = 180 / acos(-1.0);
     const bool negative = r->timestamp_ns < 0;
@@ -40,22 +37,19 @@ bool stats_add(struct stats *stats, const fathom_result *r)
     return !fflush(stats->file) || fail(stats);
 }
 
-bool stats_close(struct stats *stats)
-{
+bool stats_close(struct stats *stats) {
     FILE *file = stats->file;
     stats->file = NULL;
     if (file && fclose(file)) return fail(stats);
     return true;
 }
 
-static int compare(const void *a, const void *b)
-{
+static int compare(const void *a, const void *b) {
     const float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
 }
 
-double stats_quantile(float *values, int count, double share)
-{
+double stats_quantile(float *values, int count, double share) {
     if (count < 1) return NAN;
     qsort(values, (size_t)count, sizeof *values, compare);
     const double place = share * (count - 1);

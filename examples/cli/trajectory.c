@@ -6,16 +6,14 @@
 #include <math.h>
 #include <string.h>
 
-static bool fail(struct trajectory *trajectory)
-{
+static bool fail(struct trajectory *trajectory) {
     cli_error(CLI_FAILED, "%s: %s", trajectory->path, strerror(errno));
     if (trajectory->file) fclose(trajectory->file);
     trajectory->file = NULL;
     return false;
 }
 
-bool trajectory_open(struct trajectory *trajectory, const char *path)
-{
+bool trajectory_open(struct trajectory *trajectory, const char *path) {
     *trajectory = (struct trajectory){.path = path};
     trajectory->file = fopen(path, "w");
     return trajectory->file || fail(trajectory);
@@ -23,8 +21,7 @@ bool trajectory_open(struct trajectory *trajectory, const char *path)
 
 /* Shepperd 1978: the largest of the four is found first, so that no small number is divided by. x y z w, w
  * not negative. */
-static void quaternion_from(const float pose[16], double q[4])
-{
+static void quaternion_from(const float pose[16], double q[4]) {
     const double m[3][3] = {
         {pose[0], pose[1], pose[2]}, {pose[4], pose[5], pose[6]}, {pose[8], pose[9], pose[10]}};
     const double trace = m[0][0] + m[1][1] + m[2][2];
@@ -49,8 +46,7 @@ static void quaternion_from(const float pose[16], double q[4])
     for (int k = 0; k < 4; k++) q[k] /= norm;
 }
 
-bool trajectory_add(struct trajectory *trajectory, int64_t timestamp_ns, const float pose[16])
-{
+bool trajectory_add(struct trajectory *trajectory, int64_t timestamp_ns, const float pose[16]) {
     if (!trajectory->file) return true;
     double q[4];
     quaternion_from(pose, q);
@@ -64,8 +60,7 @@ bool trajectory_add(struct trajectory *trajectory, int64_t timestamp_ns, const f
     return true;
 }
 
-bool trajectory_close(struct trajectory *trajectory)
-{
+bool trajectory_close(struct trajectory *trajectory) {
     FILE *file = trajectory->file;
     trajectory->file = NULL;
     if (file && fclose(file)) return fail(trajectory);
