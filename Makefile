@@ -28,7 +28,8 @@ ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard lib/*.c lib/*.cpp)) $(BUILD)/kernels.o
 DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard drivers/*.c))
-CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard examples/cli/*.c))
+CHECK_OBJ   = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/reference*.c tests/kernel_checks*.c))
+CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard examples/cli/*.c)) $(CHECK_OBJ)
 LIB_SO      = $(BUILD)/libfathom.so.$(VERSION)
 DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm
@@ -130,7 +131,7 @@ clean:
 # tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
 
 TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(sort $(wildcard tests/test_*.c)))
-SUPPORT_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c)))
+SUPPORT_OBJ = $(filter-out $(CHECK_OBJ),$(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c))))
 CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
 
 $(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
@@ -145,4 +146,4 @@ check: deps
 	@$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize SANITIZE=address,undefined OPTIMISE='-O1 -g' all tests
 	sh tests/run.sh $(BUILD)
 
--include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
+-include $(shell find $(BUILD) -type f '(' -name '*.c.d' -o -name '*.cpp.d' -o -name kernels.d ')' 2>/dev/null)

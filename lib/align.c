@@ -52,7 +52,7 @@ static void covariance_to_scan(const pose *motion, const double left[36], double
 }
 
 void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS],
-           double reach_m, alignment *result) {
+           double seed_sigma_m, alignment *result) {
     const fathom_config *c = a->config;
     double centre[3] = {0, 0, 1.5}; /* about where the pairs are; then their centroid */
     memset(result, 0, sizeof *result);
@@ -63,7 +63,7 @@ void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int 
         for (int i = 0; i < budget[level]; i++) {
             normal_equations e;
             solution s;
-            reduce(a, d, maps, level, &result->motion, reach_m, centre, &e);
+            reduce(a, d, maps, level, &result->motion, 3 * seed_sigma_m, centre, &e);
             result->iterations++;
             result->level = level;
             result->pairs = (int)e.pairs;

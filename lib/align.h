@@ -27,9 +27,9 @@ typedef struct {
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);
 void aligner_close(aligner *a);
 
-/* Aligns from `seed` on, with at most budget[level] iterations at each level. reach_m widens the pair distance (a seed's
- * three sigma). Waits for the device at each iteration. */
+/* Aligns from `seed` on, with at most budget[level] iterations at each level. The pair distance is widened to three of
+ * the seed's position sigma. Waits for the device at each iteration. */
 void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS],
-           double reach_m, alignment *result);
+           double seed_sigma_m, alignment *result);
 
 #endif

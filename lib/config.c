@@ -27,7 +27,7 @@ fathom_config fathom_config_default(void) {
     c.seeded_sigma_m = 0.02f;
     c.pair_distance_m = 0.10f;
     c.pair_angle_rad = 0.7f;
-    c.huber_m = 0.005f;
+    c.huber_m = 0.003f;
     c.stop_rotation_rad = c.stop_translation_m = c.stop_error_fall = 1e-4f;
     c.min_overlap = 0.35f;
     c.max_rms_m = 0.02f;
@@ -107,12 +107,13 @@ int config_check(const fathom_config *c) {
         {"max_innovation_sigmas", c->max_innovation_sigmas, 0.1, 1e30},
         {"voxel_m", c->voxel_m, 0.001, 1},
         {"truncation_m", c->truncation_m, 0, 10},
-        {"blocks", c->blocks, 0, 16777216},
+        {"blocks", c->blocks == 0 ? CONFIG_BLOCKS_LEAST : c->blocks, CONFIG_BLOCKS_LEAST, CONFIG_BLOCKS_MOST},
         {"max_weight", c->max_weight, 1, 1000},
         {"memory_cap_bytes", (double)c->memory_cap_bytes, 1 << 20, 1e15},
         {"imu_to_camera_translation[0]", c->imu_to_camera_translation[0], -10, 10},
         {"imu_to_camera_translation[1]", c->imu_to_camera_translation[1], -10, 10},
         {"imu_to_camera_translation[2]", c->imu_to_camera_translation[2], -10, 10},
+        {"imu_clock_offset_ns", (double)c->imu_clock_offset_ns, -STAMP_MOST, STAMP_MOST},
         {"gravity", c->gravity, 0, 100},
         {"gyro_noise", c->gyro_noise, 0, 10},
         {"gyro_bias_sigma", c->gyro_bias_sigma, 0, 10},

@@ -1,7 +1,6 @@
 #include "depth_maps.h"
 
 #include <string.h>
-#include <stdlib.h>
 
 #define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
 
@@ -61,6 +60,7 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
     m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
     device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
+    device_buffer_make(d, a, (size_t)m->camera[FINEST].width * (size_t)m->camera[FINEST].height * 16, &m->packed);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
         device_buffer_make(d, a, (size_t)m->camera[i].plane * 4, &m->depth[i]);
         device_buffer_make(d, a, (size_t)m->camera[i].plane * 16, &m->normals[i]);
@@ -84,6 +84,7 @@ void depth_maps_close(depth_maps *m) {
         if (kernels[i]) clReleaseKernel(kernels[i]);
     device_buffer_free(&m->raw);
     device_buffer_free(&m->smooth);
+    device_buffer_free(&m->packed);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
         device_buffer_free(&m->depth[i]);
         device_buffer_free(&m->normals[i]);
@@ -98,7 +99,7 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
     kernel_camera *c = &m->camera[FINEST];
     RUN(d, m->convert, (size_t)c->width, (size_t)c->height, 0, ARG(m->raw.memory), ARG(m->source), ARG(*c),
         ARG(m->noise), ARG(m->depth[FINEST].memory));
-    cl_float reach = getenv("REACH") ? atof(getenv("REACH")) : SMOOTHING_REACH;
+    cl_float reach = SMOOTHING_REACH;
     RUN(d, m->smoothing, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->depth[FINEST].memory),
         ARG(*c), ARG(m->noise), ARG(reach), ARG(m->smooth.memory));
     for (int i = FINEST - 1; i >= coarsest; i--) {
@@ -115,8 +116,8 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
     }
 }
 
-void depth_maps_pack(depth_maps *m, device *d, device_buffer model[FATHOM_LEVELS]) {
-    for (int i = 0; i < FATHOM_LEVELS; i++)
-        RUN(d, m->pack, (size_t)m->camera[i].width, (size_t)m->camera[i].height, 0, ARG(m->depth[i].memory),
-            ARG(m->normals[i].memory), ARG(m->camera[i]), ARG(model[i].memory));
+void depth_maps_pack(depth_maps *m, device *d, int level, device_buffer *packed) {
+    kernel_camera *c = &m->camera[level];
+    RUN(d, m->pack, (size_t)c->width, (size_t)c->height, 0, ARG(m->depth[level].memory),
+        ARG(m->normals[level].memory), ARG(*c), ARG(packed->memory));
 }

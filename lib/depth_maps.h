@@ -15,6 +15,7 @@ typedef struct {
     device_buffer depth[FATHOM_LEVELS]; /* metric: what is aligned and fused */
     device_buffer smooth; /* the finest depth smoothed, for its normals only: alignment with smoothed
                                               depth drifts (docs/DESIGN.md) */
+    device_buffer packed;                  /* normal and depth of the finest level: what is fused */
     device_buffer normals[FATHOM_LEVELS]; /* four planes: normal and confidence */
     cl_kernel convert, smoothing, halve, normal, pack;
 } depth_maps;
@@ -29,7 +30,7 @@ void depth_maps_close(depth_maps *m);
 /* Queues all maps of a frame down to the coarsest level that is asked for. */
 void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarsest);
 
-/* Queues the frame's maps in the form of a model map, at every level. */
-void depth_maps_pack(depth_maps *m, device *d, device_buffer model[FATHOM_LEVELS]);
+/* Queues a level of the frame's maps in the form of a model map: a float4 a pixel, normal and depth. */
+void depth_maps_pack(depth_maps *m, device *d, int level, device_buffer *packed);
 
 #endif

@@ -96,17 +96,27 @@ int device_choose(device *d, const fathom_config *config) {
 /* ---- programs and their cache ------------------------------------------------------------------------------------------ */
 
 /* FNV-1a, 64 bits (Fowler, Noll, Vo). */
-static unsigned long long fnv(unsigned long long h, const char *text) {
-    for (; *text; text++) h = (h ^ (unsigned char)*text) * 1099511628211ull;
+#define FNV_START 14695981039346656037ull
+static uint64_t fnv_bytes(uint64_t h, const unsigned char *bytes, size_t size) {
+    for (size_t i = 0; i < size; i++) h = (h ^ bytes[i]) * 1099511628211ull;
     return h;
 }
+
+static uint64_t fnv(uint64_t h, const char *text) {
+    return fnv_bytes(h, (const unsigned char *)text, strlen(text));
+}
+
+/* A cache file begins with this: an OpenCL runtime may end the program over a binary that was cut off. */
+typedef struct {
+    uint64_t size, hash; /* of what follows */
+} cache_header;
 
 /* The cache file for the sources, options, device and driver at hand; false: no cache is wanted or can be had. */
 static bool cache_path(device *d, const char *options, char *path, size_t size) {
     const char *folder = d->config->cache_folder;
     if (folder && !*folder) return false;
     char text[256];
-    unsigned long long h = fnv(14695981039346656037ull, options);
+    uint64_t h = fnv(FNV_START, options);
     for (int i = 0; i < kernel_count; i++) h = fnv(h, kernel_sources[i]);
     static const cl_device_info asked[] = {CL_DEVICE_NAME, CL_DEVICE_VENDOR, CL_DEVICE_VERSION,
                                            CL_DRIVER_VERSION};
@@ -131,7 +141,7 @@ static bool cache_path(device *d, const char *options, char *path, size_t size) 
         folder = home;
     }
     mkdir(folder, 0777);
-    return snprintf(path, size, "%s/%016llx.bin", folder, h) < (int)size;
+    return snprintf(path, size, "%s/%016llx.bin", folder, (unsigned long long)h) < (int)size;
 }
 
 static bool program_from_cache(device *d, const char *path, const char *options) {
@@ -139,20 +149,22 @@ static bool program_from_cache(device *d, const char *path, const char *options)
     if (file < 0) return false;
     struct stat st;
     bool good = false;
-    if (fstat(file, &st) == 0 && st.st_size > 0) {
+    if (fstat(file, &st) == 0 && (size_t)st.st_size > sizeof(cache_header)) {
         void *data = mmap(NULL, (size_t)st.st_size, PROT_READ, MAP_PRIVATE, file, 0);
         if (data != MAP_FAILED) {
-            const unsigned char *binary = data;
-            size_t size = (size_t)st.st_size;
+            const cache_header *header = data;
+            const unsigned char *binary = (const unsigned char *)(header + 1);
+            size_t size = (size_t)st.st_size - sizeof *header;
             cl_int e = CL_SUCCESS, status = CL_SUCCESS;
-            d->program = clCreateProgramWithBinary(d->context, 1, &d->id, &size, &binary, &status, &e);
+            if (header->size == size && header->hash == fnv_bytes(FNV_START, binary, size))
+                d->program = clCreateProgramWithBinary(d->context, 1, &d->id, &size, &binary, &status, &e);
             if (d->program && e == CL_SUCCESS && status == CL_SUCCESS)
                 good = clBuildProgram(d->program, 1, &d->id, options, NULL, NULL) == CL_SUCCESS;
             if (!good && d->program) {
                 clReleaseProgram(d->program);
                 d->program = NULL;
             }
-            munmap(data, size);
+            munmap(data, (size_t)st.st_size);
         }
     }
     close(file);
@@ -164,16 +176,20 @@ static void program_to_cache(device *d, const char *path) {
     size_t size = 0;
     clGetProgramInfo(d->program, CL_PROGRAM_BINARY_SIZES, sizeof size, &size, NULL);
     if (size == 0) return;
+    size += sizeof(cache_header);
     void *data = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (data == MAP_FAILED) return;
-    unsigned char *binary = data;
+    cache_header *header = data;
+    unsigned char *bytes = data, *binary = bytes + sizeof *header;
     char part[600];
     snprintf(part, sizeof part, "%s.%d", path, (int)getpid());
     if (clGetProgramInfo(d->program, CL_PROGRAM_BINARIES, sizeof binary, &binary, NULL) == CL_SUCCESS) {
+        header->size = size - sizeof *header;
+        header->hash = fnv_bytes(FNV_START, binary, size - sizeof *header);
         int file = open(part, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
         bool good = file >= 0;
         for (size_t done = 0; good && done < size;) {
-            ssize_t n = write(file, binary + done, size - done);
+            ssize_t n = write(file, bytes + done, size - done);
             good = n > 0;
             done += good ? (size_t)n : 0;
         }

@@ -74,13 +74,16 @@ static int make_plan(fathom *f, const fathom_config *config, fathom_memory_plan 
     if (e != FATHOM_OK) return e;
     int blocks = config->blocks;
     int64_t device_bytes, fixed = bytes_with(f, 1, &device_bytes) + device_bytes;
-    if (blocks == 0) blocks = (int)((config->memory_cap_bytes - fixed) / (int64_t)volume_block_cost());
+    if (blocks == 0) {
+        int64_t room = (config->memory_cap_bytes - fixed) / (int64_t)volume_block_cost();
+        blocks = (int)(room < CONFIG_BLOCKS_MOST ? room : CONFIG_BLOCKS_MOST);
+    }
     int64_t host_bytes = bytes_with(f, blocks > 0 ? blocks : 1, &device_bytes);
-    if (blocks < 64 || host_bytes + device_bytes > config->memory_cap_bytes) {
+    if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->memory_cap_bytes) {
         device_log(config, FATHOM_LOG_ERROR,
                    "memory_cap_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
                    (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576,
-                   blocks > 64 ? blocks : 64);
+                   blocks > CONFIG_BLOCKS_LEAST ? blocks : CONFIG_BLOCKS_LEAST);
         return FATHOM_ERROR_MEMORY;
     }
     plan->host_bytes = host_bytes;
@@ -183,6 +186,10 @@ int fathom_pause(fathom *f, bool pause) {
 
 /* ---- input and steps ------------------------------------------------------------------------------------------------------ */
 
+static bool stamp_good(int64_t stamp_ns) {
+    return stamp_ns >= -STAMP_MOST && stamp_ns <= STAMP_MOST;
+}
+
 int fathom_push_imu(fathom *f, const fathom_imu_sample *sample) {
     if (!f || !sample) return FATHOM_ERROR_ARGUMENT;
     return inertial_push(&f->inertial, sample);
@@ -196,6 +203,12 @@ int fathom_step(fathom *f, const fathom_depth_frame *frame, fathom_result *resul
         device_log(&f->config, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d",
                    frame->width, frame->height, f->config.depth_width, f->config.depth_height);
         e = FATHOM_ERROR_SIZE;
+    }
+    if (e == FATHOM_OK && !stamp_good(frame->timestamp_ns)) {
+        device_log(&f->config, FATHOM_LOG_WARNING,
+                   "a frame stamped %lld ns was ignored: more than 126 years from zero",
+                   (long long)frame->timestamp_ns);
+        e = FATHOM_ERROR_TIME;
     }
     if (e == FATHOM_OK && f->timestamp_ns != INT64_MIN && frame->timestamp_ns <= f->timestamp_ns) {
         device_log(&f->config, FATHOM_LOG_WARNING,
@@ -218,7 +231,7 @@ int fathom_step(fathom *f, const fathom_depth_frame *frame, fathom_result *resul
 }
 
 int fathom_inertial_estimate(fathom *f, int64_t from_ns, int64_t to_ns, fathom_motion *motion) {
-    if (!f || !motion) return FATHOM_ERROR_ARGUMENT;
+    if (!f || !motion || !stamp_good(from_ns) || !stamp_good(to_ns)) return FATHOM_ERROR_ARGUMENT;
     inertial_motion m;
     inertial_drain(&f->inertial);
     int e = inertial_estimate(&f->inertial, &f->pose, from_ns, to_ns, &m);

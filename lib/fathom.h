@@ -100,8 +100,8 @@ typedef struct {
 } fathom_motion;
 
 /* The caller's own InertialEstimate: fills *motion for the camera's way from from_ns to to_ns (depth clock). Returns
- * FATHOM_OK, or FATHOM_ERROR_NO_DATA when it can't say (then the library's own estimate is used). Called on the stepping
- * thread from within fathom_step. */
+ * FATHOM_OK, or FATHOM_ERROR_NO_DATA when it can't say (then the library's own estimate is used, as when what it gave is
+ * not finite or not rigid). Called on the stepping thread from within fathom_step. */
 typedef int (*fathom_inertial_hook)(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motion);
 
 /* ---- settings ---------------------------------------------------------------------------------------------------- */
@@ -145,7 +145,7 @@ typedef struct {
     float pair_distance_m;         /* a pair further apart is rejected, at the finest level (doubled at each coarser one).
                                       Default 0.10; widened to three sigma of the seed */
     float pair_angle_rad;          /* a pair whose normals differ by more is rejected. Default 0.7 (40 degrees) */
-    float huber_m;                 /* residual beyond which a pair's weight falls off as 1/|r|. Default 0.005 */
+    float huber_m;                 /* residual beyond which a pair's weight falls off as 1/|r|. Default 0.003 */
     float stop_rotation_rad, stop_translation_m; /* an update smaller than both ends a level. Default 1e-4 and 1e-4 */
     float stop_error_fall;         /* a relative fall of the error below this ends a level. Default 1e-4 */
 
@@ -159,7 +159,8 @@ typedef struct {
     /* surface */
     float voxel_m;                 /* edge of a voxel. Default 0.01; 0.001..1 */
     float truncation_m;            /* the signed distance is kept within this. 0: four voxels */
-    int blocks;                    /* blocks of 8x8x8 voxels in the pool, 2 KB each. 0: what memory_cap_bytes leaves */
+    int blocks;                    /* blocks of 8x8x8 voxels in the pool, 2 KB each; 64 at least. 0: what
+                                      memory_cap_bytes leaves */
     float max_weight;              /* observations a voxel averages over, at 1 m; older ones fade. Default 100 */
 
     /* memory */
@@ -234,7 +235,8 @@ FATHOM_API void fathom_close(fathom *context);
 /* Forgets surface, pose and inertial history, as after fathom_init. Counters and settings stay. */
 FATHOM_API int fathom_reset(fathom *context);
 
-/* With pause true, steps go on finding the pose but fuse nothing (localise only), until called with false. */
+/* With pause true, steps go on finding the pose but fuse nothing (localise only), until called with false. A scan that
+ * is paused before its first frame has no surface yet and stays without. */
 FATHOM_API int fathom_pause(fathom *context, bool pause);
 
 /* ---- input ------------------------------------------------------------------------------------------------------- */
@@ -242,12 +244,12 @@ FATHOM_API int fathom_pause(fathom *context, bool pause);
 /* Hands over samples as they arrive; may be called from one other thread at any time, never waits. Late, repeated,
  * out-of-order and non-finite samples are counted (fathom_counters) and dropped. When the ring is full the new sample is
  * dropped and counted: step often, or give a larger imu_capacity. Returns FATHOM_OK, or FATHOM_ERROR_ARGUMENT for NULL or
- * a sample that isn't finite. */
+ * a sample that isn't finite or stamped more than 126 years from zero (counted as not finite). */
 FATHOM_API int fathom_push_imu(fathom *context, const fathom_imu_sample *sample);
 
 /* A depth frame. */
 typedef struct {
-    int64_t timestamp_ns;  /* the depth clock, when the middle of the frame was exposed; must increase */
+    int64_t timestamp_ns;  /* the depth clock, when the middle of the frame was exposed; must increase; +-126 years */
     const uint16_t *depth; /* height rows of width pixels, the caller's, read during the call only */
     int width, height;     /* must be the settings' depth_width, depth_height */
 } fathom_depth_frame;

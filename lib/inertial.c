@@ -3,11 +3,14 @@
 #include <math.h>
 #include <string.h>
 
+#include "config.h"
+
 #define STILL_SECONDS 0.4       /* as long as this without motion is a still start */
 #define STILL_GYRO 0.06         /* rad/s: a bias at most; a hand turns more */
 #define STILL_GYRO_CHANGE 0.03  /* rad/s away from the mean of the stillness so far */
 #define STILL_ACCEL_CHANGE 0.25 /* m/s^2, the same */
 #define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
+#define SIGMA_MOST 1e3          /* rad and m: nothing is known */
 
 static unsigned ring_capacity(const fathom_config *c) {
     unsigned n = 64, wanted = c->imu_capacity > 0 ? (unsigned)c->imu_capacity : 4096;
@@ -46,7 +49,11 @@ int inertial_push(inertial *n, const fathom_imu_sample *s) {
     bool gyro = isfinite(s->gyro[0]) && isfinite(s->gyro[1]) && isfinite(s->gyro[2]);
     bool accel = isfinite(s->accel[0]) && isfinite(s->accel[1]) && isfinite(s->accel[2]);
     bool no_accel = isnan(s->accel[0]) && isnan(s->accel[1]) && isnan(s->accel[2]);
-    if (!gyro || !(accel || no_accel)) {
+    int64_t t = s->timestamp_ns; /* checked twice, so that the sum doesn't overflow */
+    bool stamp = t >= -STAMP_MOST && t <= STAMP_MOST;
+    if (stamp) t += n->config->imu_clock_offset_ns;
+    stamp = stamp && t >= -STAMP_MOST && t <= STAMP_MOST;
+    if (!gyro || !(accel || no_accel) || !stamp) {
         atomic_fetch_add_explicit(&n->not_finite, 1, memory_order_relaxed);
         return FATHOM_ERROR_ARGUMENT;
     }
@@ -201,11 +208,13 @@ int inertial_estimate(inertial *n, const pose *at, int64_t from_ns, int64_t to_n
         sigma_r = 0;
     }
     sigma_r += c->motion_turn_sigma * uncovered * uncovered + c->seed_floor_rad;
+    sigma_r = fmin(sigma_r, SIGMA_MOST); /* a clock that jumps by years must not end in infinity */
     if (from_ns > to_ns) m = pose_inverse(&m);
 
     /* constant velocity; how far a hand's acceleration leads away from it */
     double age = n->corrected_ns == INT64_MIN ? 0 : 1e-9 * fabs((double)(early - n->corrected_ns));
     double sigma_t = n->velocity_sigma * dt + c->motion_accel_sigma * dt * (0.5 * dt + age) + c->seed_floor_m;
+    sigma_t = fmin(sigma_t, SIGMA_MOST);
     for (int i = 0; i < 3 && c->imu_translation;
          i++) /* world velocity in the axes of the camera at from_ns */
         for (int j = 0; j < 3; j++) m.t[i] += at->r[3 * j + i] * n->velocity[j] * signed_dt;

@@ -24,16 +24,20 @@ static inertial_motion inertial_seed(fathom *f, int64_t from_ns, int64_t to_ns) 
     const fathom_config *c = &f->config;
     if (c->inertial_hook && c->inertial_hook(c->inertial_user, from_ns, to_ns, &given) == FATHOM_OK &&
         pose_from_matrix(given.motion, &d.motion)) {
-        for (int i = 0; i < 36; i++) d.covariance[i] = given.covariance[i];
-        return d;
+        bool good = true;
+        for (int i = 0; i < 36; i++) {
+            d.covariance[i] = given.covariance[i];
+            good = good && isfinite(d.covariance[i]) && (i % 7 != 0 || d.covariance[i] >= 0);
+        }
+        if (good) return d;
     }
     if (inertial_estimate(&f->inertial, &f->pose, from_ns, to_ns, &d) == FATHOM_OK) return d;
     d.motion = pose_identity();
     double dt = 1e-9 * (double)(to_ns - from_ns);
     memset(d.covariance, 0, sizeof d.covariance);
     for (int i = 0; i < 3; i++) {
-        d.covariance[7 * i] = dt * dt;
-        d.covariance[7 * (i + 3)] = 0.25 * dt * dt;
+        d.covariance[7 * i] = fmin(dt * dt, 1e6);
+        d.covariance[7 * (i + 3)] = fmin(0.25 * dt * dt, 1e6);
     }
     return d;
 }
@@ -66,7 +70,7 @@ static void align_scan(fathom *f, const pose *seed, double seed_sigma_m, const i
     }
     double cast = now_ms();
     pose motion = pose_between(&f->reference, seed);
-    align(&f->aligner, &f->device, &f->maps, &motion, budget, 3 * seed_sigma_m, icp);
+    align(&f->aligner, &f->device, &f->maps, &motion, budget, seed_sigma_m, icp);
     icp->motion = pose_multiply(&f->reference, &icp->motion);
     pose_normalise(&icp->motion);
     r->ms_raycast = (float)(cast - start);
@@ -85,7 +89,7 @@ static void fuse(fathom *f, const pose *at, fathom_result *r) {
 
 static void keep_as_reference(fathom *f, const pose *at) {
     if (f->config.against != FATHOM_AGAINST_PREVIOUS) return;
-    depth_maps_pack(&f->maps, &f->device, f->aligner.model);
+    for (int i = 0; i < FATHOM_LEVELS; i++) depth_maps_pack(&f->maps, &f->device, i, &f->aligner.model[i]);
     f->reference = *at;
 }
 
@@ -100,6 +104,11 @@ static void report_alignment(const alignment *icp, fathom_result *r) {
 }
 
 static void first_step(fathom *f, fathom_result *r) {
+    if (f->paused) { /* there is nothing to align with, and nothing may be fused */
+        r->state = FATHOM_RECKONED;
+        r->verdict = FATHOM_VERDICT_FEW_PAIRS;
+        return;
+    }
     fuse(f, &f->pose, r);
     r->fused = f->started = f->volume.count > 0;
     r->state = f->started ? FATHOM_FIRST : FATHOM_RECKONED;

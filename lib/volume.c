@@ -107,7 +107,8 @@ void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_
 void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid rigid = kernel_rigid_of(&inverse);
-    RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
+    depth_maps_pack(maps, d, FINEST, &maps->packed);
+    RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->packed.memory), ARG(maps->camera[FINEST]),
         ARG(maps->noise), ARG(rigid), ARG(v->surface.voxel), ARG(v->surface.truncation), ARG(v->max_weight),
         ARG(v->blocks.memory), ARG(v->voxels.memory));
 }
@@ -120,7 +121,8 @@ void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pos
     RUN(d, v->clear_ranges, tiles, 1, 0, ARG(v->ranges.memory));
     RUN(d, v->range_blocks, (size_t)v->count, 1, 0, ARG(v->blocks.memory), ARG(*camera), ARG(to_camera),
         ARG(v->surface.voxel), ARG(near_m), ARG(far_m), ARG(v->ranges.memory));
-    RUN(d, v->raycast, (size_t)camera->width, (size_t)camera->height, 16, ARG(v->voxels.memory),
+    size_t columns = ((size_t)camera->width + 15) / 16 * 16; /* whole work-groups; the kernel leaves the rest out */
+    RUN(d, v->raycast, columns, (size_t)camera->height, 16, ARG(v->voxels.memory),
         ARG(v->table.memory), ARG(v->surface), ARG(*camera), ARG(to_world), ARG(v->ranges.memory),
         ARG(model->memory));
 }

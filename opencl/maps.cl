@@ -129,13 +129,12 @@ kernel void normal_map(global const float *depth, camera c, float2 noise, global
     vstore8(select((float8)(0.0f), confidence, valid), 0, normals + 3 * c.plane + i);
 }
 
-/* A frame's maps in the model's form (normal, depth), so that the next frame can be aligned with it.
- * Global size: width, height. */
-kernel void pack_map(global const float *depth, global const float *normals, camera c, global float4 *model) {
+/* A frame's maps in the model's form, normal and depth, so that it can be fused, and the next one aligned with it. The
+ * normal is zero where the pixel has none. Global size: width, height. */
+kernel void pack_map(global const float *depth, global const float *normals, camera c, global float4 *packed) {
     int x = get_global_id(0), y = get_global_id(1);
     int i = AT(c, x, y);
-    float3 n = (float3)(normals[i], normals[c.plane + i], normals[2 * c.plane + i]);
-    model[y * c.width + x] = (float4)(n, dot(n, n) > 0.0f ? depth[i] : 0.0f);
+    packed[y * c.width + x] = (float4)(normals[i], normals[c.plane + i], normals[2 * c.plane + i], depth[i]);
 }
 
 /* The next coarser model map: of 2x2 pixels those near the nearest one are averaged.

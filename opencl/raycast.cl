@@ -134,10 +134,12 @@ kernel void range_blocks(global const int4 *blocks, camera c, rigid world_to_cam
 
 /* One ray a pixel: from block to block where there are none, by the stored distance where there are, to the first change
  * from outside to inside; there the distance is interpolated between voxels and the crossing found by regula falsi.
- * model: normal in camera axes, towards the camera, and depth; zero where nothing was met. Global size: width, height. */
+ * model: normal in camera axes, towards the camera, and depth; zero where nothing was met. Global size: width or more,
+ * height. */
 kernel void raycast(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
                     global const int *ranges, global float4 *model) {
     int x = get_global_id(0), y = get_global_id(1);
+    if (x >= c.width) return;
     int tile = y / TILE * ((c.width + TILE - 1) / TILE) + x / TILE;
     float t = as_float(ranges[2 * tile]), end = as_float(ranges[2 * tile + 1]);
     float3 ray = rotate_vector(pose, (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f));

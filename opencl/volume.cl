@@ -5,6 +5,7 @@
  * WEIGHT_ONE for one observation at 1 m; 0: never seen), x fastest. Voxel i stands at i * voxel metres in the world. */
 
 #define WEIGHT_ONE 64.0f
+#define BEHIND 1.0f /* truncations behind the surface along the ray that a pixel still speaks for */
 
 #define TILE_SLOTS 64 /* requests a tile may make */
 
@@ -45,9 +46,12 @@ kernel void request_blocks(global const float *depth, camera c, rigid pose, floa
     counts[tile] = count;
 }
 
-/* Fuses a frame into the blocks in view (Curless and Levoy 1996, eq. 1 and 2): a running average of the distance along
- * the ray, weighted by the depth's inverse variance. Rows of eight voxels at once. Global size: blocks in use. */
-kernel void fuse_blocks(global const float *depth, camera c, float2 noise, rigid world_to_camera, float voxel,
+/* Fuses a frame into the blocks in view (Curless and Levoy 1996, eq. 1 and 2): a running average of the distance to the
+ * plane through the pixel's surface point, weighted by the depth's inverse variance and by how squarely it was seen. The
+ * plane (not the depth along the ray) keeps slanted surfaces true and makes up for the pixels' coarseness. Pixels without
+ * a normal count a quarter, by the distance along the ray. Rows of eight voxels at once.
+ * scan: normal and depth of each pixel (pack_map). Global size: blocks in use. */
+kernel void fuse_blocks(global const float4 *scan, camera c, float2 noise, rigid world_to_camera, float voxel,
                         float truncation, float max_weight, global const int4 *blocks, global short *voxels) {
     int index = get_global_id(0);
     int4 b = blocks[index];
@@ -82,15 +86,25 @@ kernel void fuse_blocks(global const float *depth, camera c, float2 noise, rigid
         if (!any(valid)) continue;
         int8 ui = convert_int8_rtn(select((float8)(0.0f), u, valid));
         int8 vi = convert_int8_rtn(select((float8)(0.0f), v, valid));
-        int8 at = (vi + PAD_Y) * c.pitch + ui + PAD_X;
-        float8 d = (float8)(depth[at.s0], depth[at.s1], depth[at.s2], depth[at.s3], depth[at.s4], depth[at.s5],
-                            depth[at.s6], depth[at.s7]);
-        /* along the ray, not along the axis */
-        float8 s = (d - pz) * sqrt(1.0f + rx * rx + ry * ry);
-        valid = valid && d > 0.0f && s > -truncation;
+        int8 at = vi * c.width + ui;
+        float4 m0 = scan[at.s0], m1 = scan[at.s1], m2 = scan[at.s2], m3 = scan[at.s3];
+        float4 m4 = scan[at.s4], m5 = scan[at.s5], m6 = scan[at.s6], m7 = scan[at.s7];
+        float8 d = (float8)(m0.w, m1.w, m2.w, m3.w, m4.w, m5.w, m6.w, m7.w);
+        float8 ray = sqrt(1.0f + rx * rx + ry * ry);
+        float8 along = (d - pz) * ray;
+        valid = valid && d > 0.0f && along > -BEHIND * truncation;
         if (!any(valid)) continue;
+        float8 nx = (float8)(m0.x, m1.x, m2.x, m3.x, m4.x, m5.x, m6.x, m7.x);
+        float8 ny = (float8)(m0.y, m1.y, m2.y, m3.y, m4.y, m5.y, m6.y, m7.y);
+        float8 nz = (float8)(m0.z, m1.z, m2.z, m3.z, m4.z, m5.z, m6.z, m7.z);
+        float8 gx = (convert_float8(ui) - c.cx) / c.fx * d - px, gy = (convert_float8(vi) - c.cy) / c.fy * d - py;
+        float8 to_plane = -(nx * gx + ny * gy + nz * (d - pz));
+        float8 cosine = -(nx * rx + ny * ry + nz) / ray;
+        int8 flat = nz != 0.0f;
+        float8 s = select(along, to_plane, flat);
+        valid = valid && s > -truncation;
         float8 sigma = noise.x + noise.y * d * d;
-        float8 w = WEIGHT_ONE * sigma_1m * sigma_1m / (sigma * sigma);
+        float8 w = WEIGHT_ONE * sigma_1m * sigma_1m / (sigma * sigma) * select((float8)(0.25f), cosine, flat);
         w = clamp(rint(w), 1.0f, 4.0f * WEIGHT_ONE);
         float8 old_d = convert_float8(vload8(k, distances)), old_w = convert_float8(vload8(k, weights));
         float8 sum = old_w + w;

@@ -1,0 +1,26 @@
+/* Checks that run the kernels of opencl/ on a device and compare what they write with the reference (reference.h): on
+ * random images of odd sizes, on all-invalid frames, at edges and limits, and on a real frame where there is one.
+ * `fathom selftest` and tests/test_kernels.c run them. */
+#ifndef FATHOM_TESTS_KERNEL_CHECKS_H
+#define FATHOM_TESTS_KERNEL_CHECKS_H
+
+#include "../lib/device.h"
+
+typedef enum { CHECK_PASSED, CHECK_FAILED, CHECK_SKIPPED } check_result;
+
+typedef struct {
+    const char *name; /* the kernel's, or what it is about */
+    /* Runs on an open device. why: one line on what failed, or why it was skipped; else empty. */
+    check_result (*run)(device *d, char *why, size_t size);
+} kernel_check;
+
+extern const kernel_check kernel_checks[];
+extern const int kernel_check_count;
+
+/* Opens a device for the checks: config is set to the default settings with this part of a platform's or device's name,
+ * buffer mode and log, and must outlive the device. gpu_shape builds the kernels as for a GPU (LANES=1, GROUP=64) also
+ * where the device is a CPU. FATHOM_OK or an error; nothing stays open after one. */
+int kernel_checks_open(device *d, fathom_config *config, const char *name, fathom_buffers buffers,
+                       bool gpu_shape, fathom_log log, void *log_user);
+
+#endif

@@ -1,0 +1,108 @@
+/* Every kernel on a frame of a real recording, one after the other as a scan does. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fathom_drivers.h"
+#include "kernel_checks_bench.h"
+
+#define RECORDING "../shared/data/kitchen"
+
+static float *maps_of(bench *b, const uint16_t *raw, const kernel_depth_source *s, const kernel_camera *c,
+                      float *normals) {
+    float *depth = bench_plane(c, 1, 0), *smooth = bench_plane(c, 1, 0);
+    compare_convert_depth(b, raw, s, c, bench_noise);
+    ref_convert_depth(raw, s, c, bench_noise, depth, NULL);
+    compare_smooth_depth(b, depth, c, bench_noise);
+    ref_smooth_depth(depth, c, bench_noise, 4, smooth);
+    compare_halve_depth(b, depth, c, bench_noise);
+    compare_normal_map(b, smooth, c, bench_noise);
+    ref_normal_map(smooth, c, bench_noise, normals, NULL);
+    compare_pack_map(b, depth, normals, c);
+    free(smooth);
+    return depth;
+}
+
+/* Blocks as the reference asks for them, without doubles, as the library would place them. */
+static void allocate(bench_volume *v, const float *depth, const kernel_camera *c,
+                     const kernel_rigid *to_world) {
+    int tiles = ((c->width + TILE - 1) / TILE) * ((c->height + TILE - 1) / TILE);
+    cl_int4 *requests = bench_alloc((size_t)tiles * TILE_SLOTS * sizeof *requests);
+    int *counts = bench_alloc((size_t)tiles * sizeof *counts);
+    ref_volume none;
+    ref_volume_open(&none, v->blocks, 0, v->voxels, &v->surface);
+    ref_request_blocks(depth, c, to_world, v->surface.voxel * BLOCK_EDGE, v->surface.truncation, &none,
+                       requests, counts, NULL);
+    ref_volume_close(&none);
+    for (int i = 0; i < tiles; i++)
+        for (int k = 0; k < counts[i] && v->count < v->capacity; k++) {
+            const cl_int4 *r = &requests[i * TILE_SLOTS + k];
+            bench_volume_add(v, r->s[0], r->s[1], r->s[2]);
+        }
+    free(requests);
+    free(counts);
+}
+
+static void check_frames(bench *b, const fathom_recording *recording, uint16_t *raw) {
+    kernel_camera c =
+        kernel_camera_of(recording->width / 2, recording->height / 2, (float)recording->intrinsics[0] / 2,
+                         (float)recording->intrinsics[1] / 2, (float)recording->intrinsics[2] / 2 - 0.25f,
+                         (float)recording->intrinsics[3] / 2 - 0.25f);
+    kernel_depth_source s = {.width = recording->width, .height = recording->height, .factor = 2};
+    s.metres_per_unit = (float)(1 / recording->depth_units_per_metre);
+    s.min_m = 0.3f;
+    s.max_m = 5;
+    size_t pixels = (size_t)c.width * (size_t)c.height;
+    float *depth[2], *normals[2], *model = bench_alloc(pixels * 16);
+    for (int i = 0; i < 2; i++) {
+        normals[i] = bench_plane(&c, 4, 0);
+        if (fathom_recording_read_depth(recording, i * 5, raw) != FATHOM_OK)
+            bench_fail(b, "a frame can't be read");
+        depth[i] = maps_of(b, raw, &s, &c, normals[i]);
+    }
+    pose moved = bench_motion(b, 0.01, 0.01), turned = bench_motion(b, 1, 1), back = pose_inverse(&turned);
+    kernel_rigid motion = kernel_rigid_of(&moved), to_world = kernel_rigid_of(&turned),
+                 to_camera = kernel_rigid_of(&back);
+    kernel_pair_limits limits = {0.01f, 0.76f, 0.005f, 0, {{0, 0, 1.5f, 0}}};
+    ref_pack_map(depth[0], normals[0], &c, model);
+    compare_halve_map(b, model, &c);
+    compare_align_reduce(b, depth[1], normals[1], &c, model, &c, &motion, &limits);
+
+    bench_volume v, few;
+    bench_volume_make(&v, 8000, 0.01f, 0.04f);
+    allocate(&v, depth[0], &c, &to_world);
+    bench_volume_make(&few, 1000, 0.01f, 0.04f); /* some blocks are there already */
+    for (int i = 0; i < v.count && few.count < 1000; i += 3)
+        bench_volume_add(&few, v.blocks[i].s[0], v.blocks[i].s[1], v.blocks[i].s[2]);
+    compare_request_blocks(b, depth[0], &c, &to_world, &few, 0.08f);
+    bench_volume_free(&few);
+    for (int i = 0; i < 2; i++) compare_fuse_blocks(b, model, &c, bench_noise, &to_camera, &v, 100);
+    compare_ranges(b, &v, &c, &to_camera, 0.3f, 5);
+    kernel_camera part =
+        c; /* every ray costs the reference some milliseconds: the middle of the view will do */
+    part = kernel_camera_of(120, 88, c.fx, c.fy, c.cx - 100, c.cy - 76);
+    compare_raycast(b, &v, &part, &turned, 0.3f, 5, NULL, 0.02);
+    compare_triangles(b, &v, 0, true);
+    bench_volume_free(&v);
+    for (int i = 0; i < 2; i++) {
+        free(depth[i]);
+        free(normals[i]);
+    }
+    free(model);
+}
+
+check_result check_real_frame(device *d, char *why, size_t size) {
+    bench b;
+    fathom_recording *recording;
+    bench_start(&b, d, why, size);
+    if (b.small || fathom_recording_open(&recording, RECORDING, NULL) != FATHOM_OK) {
+        snprintf(why, size, b.small ? "small sizes only" : "no recording in " RECORDING);
+        return CHECK_SKIPPED;
+    }
+    uint16_t *raw = bench_alloc((size_t)recording->width * (size_t)recording->height * sizeof *raw);
+    check_frames(&b, recording, raw);
+    free(raw);
+    fathom_recording_close(recording);
+    return bench_end(&b);
+}

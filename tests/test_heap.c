@@ -1,0 +1,380 @@
+/* Fixed memory: after fathom_init nothing of the library's own code takes memory from the heap, and the process doesn't
+ * grow. The library under test is BUILD/libfathom.so, loaded from beside this program, so that its text is a range of
+ * addresses; the heap's entry points are this program's, and count the calls that return into that range. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <dlfcn.h>
+#include <errno.h>
+#include <link.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "synthetic.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SANITIZED 1
+#else
+#define SANITIZED 0
+#endif
+
+#define FRAMES 40
+
+/* ---- the heap ----------------------------------------------------------------------------------------------------- */
+
+static uintptr_t watched_low, watched_high; /* addresses of code whose calls count */
+static atomic_int watched_calls, all_calls;
+
+#if !SANITIZED
+/* seen by every library in the process, whatever visibility this program is built with */
+#pragma GCC visibility push(default)
+void *__libc_malloc(size_t size);
+void *__libc_calloc(size_t count, size_t size);
+void *__libc_realloc(void *old, size_t size);
+void *__libc_memalign(size_t alignment, size_t size);
+void __libc_free(void *old);
+void *memalign(size_t alignment, size_t size);
+/* operator new, new[], and their forms for types of strict alignment, as the C++ ABI calls them */
+void *_Znwm(size_t size);
+void *_Znam(size_t size);
+void *_ZnwmSt11align_val_t(size_t size, size_t alignment);
+void *_ZnamSt11align_val_t(size_t size, size_t alignment);
+void *_ZnwmRKSt9nothrow_t(size_t size, const void *nothrow);
+void *_ZnamRKSt9nothrow_t(size_t size, const void *nothrow);
+
+#define ENTRY __attribute__((noinline)) /* so that the return address is the caller's */
+#define COUNT count_call((uintptr_t)__builtin_return_address(0))
+static void count_call(uintptr_t from) {
+    atomic_fetch_add(&all_calls, 1);
+    if (from >= watched_low && from < watched_high) atomic_fetch_add(&watched_calls, 1);
+}
+
+ENTRY void *malloc(size_t size) {
+    COUNT;
+    return __libc_malloc(size);
+}
+ENTRY void *calloc(size_t count, size_t size) {
+    COUNT;
+    return __libc_calloc(count, size);
+}
+ENTRY void *realloc(void *old, size_t size) {
+    COUNT;
+    return __libc_realloc(old, size);
+}
+ENTRY void free(void *old) {
+    COUNT;
+    __libc_free(old);
+}
+ENTRY void *memalign(size_t alignment, size_t size) {
+    COUNT;
+    return __libc_memalign(alignment, size);
+}
+ENTRY void *aligned_alloc(size_t alignment, size_t size) {
+    COUNT;
+    return __libc_memalign(alignment, size);
+}
+ENTRY int posix_memalign(void **out, size_t alignment, size_t size) {
+    COUNT;
+    *out = __libc_memalign(alignment, size);
+    return *out ? 0 : ENOMEM;
+}
+static void *or_end(void *memory) {
+    if (!memory) abort();
+    return memory;
+}
+ENTRY void *_Znwm(size_t size) {
+    COUNT;
+    return or_end(__libc_malloc(size));
+}
+ENTRY void *_Znam(size_t size) {
+    COUNT;
+    return or_end(__libc_malloc(size));
+}
+ENTRY void *_ZnwmSt11align_val_t(size_t size, size_t alignment) {
+    COUNT;
+    return or_end(__libc_memalign(alignment, size));
+}
+ENTRY void *_ZnamSt11align_val_t(size_t size, size_t alignment) {
+    COUNT;
+    return or_end(__libc_memalign(alignment, size));
+}
+ENTRY void *_ZnwmRKSt9nothrow_t(size_t size, const void *nothrow) {
+    (void)nothrow;
+    COUNT;
+    return __libc_malloc(size);
+}
+ENTRY void *_ZnamRKSt9nothrow_t(size_t size, const void *nothrow) {
+    (void)nothrow;
+    COUNT;
+    return __libc_malloc(size);
+}
+#pragma GCC visibility pop
+#endif
+
+/* ---- the library -------------------------------------------------------------------------------------------------- */
+
+static struct {
+    int64_t (*memory_required)(const fathom_config *);
+    int (*init)(fathom **, const fathom_config *, void *, size_t);
+    void (*close)(fathom *);
+    int (*reset)(fathom *);
+    int (*push_imu)(fathom *, const fathom_imu_sample *);
+    int (*step)(fathom *, const fathom_depth_frame *, fathom_result *);
+    int (*inertial_estimate)(fathom *, int64_t, int64_t, fathom_motion *);
+    int (*shaded_view)(fathom *, const fathom_view *, uint8_t *);
+    int64_t (*extract_mesh)(fathom *, float, fathom_triangles, void *);
+    int (*get_counters)(fathom *, fathom_counters *);
+} lib;
+
+static char so_path[4200];
+static uintptr_t text_low, text_high; /* of the library */
+
+static int find_text(struct dl_phdr_info *info, size_t size, void *data) {
+    (void)size;
+    uintptr_t inside = (uintptr_t)data;
+    for (int i = 0; i < info->dlpi_phnum; i++) {
+        const ElfW(Phdr) *p = &info->dlpi_phdr[i];
+        uintptr_t low = info->dlpi_addr + p->p_vaddr, high = low + p->p_memsz;
+        if (p->p_type == PT_LOAD && (p->p_flags & PF_X) && inside >= low && inside < high) {
+            text_low = low;
+            text_high = high;
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static void load(void *handle, const char *name, void *function) {
+    void *found = dlsym(handle, name);
+    if (!found) fail_msg("%s has no %s", so_path, name);
+    memcpy(function, &found, sizeof found); /* ISO C has no cast for it */
+}
+
+static synthetic_frame frames[FRAMES];
+
+static int setup(void **state) {
+    (void)state;
+    ssize_t n = readlink("/proc/self/exe", so_path, 4000);
+    if (n <= 0) return -1;
+    so_path[n] = 0;
+    *strrchr(so_path, '/') = 0;
+    strcpy(strrchr(so_path, '/'), "/libfathom.so"); /* BUILD/tests/test_heap: one up */
+    void *handle = dlopen(so_path, RTLD_NOW | RTLD_LOCAL);
+    if (!handle) {
+        print_error("%s\n", dlerror());
+        return -1;
+    }
+    load(handle, "fathom_memory_required", &lib.memory_required);
+    load(handle, "fathom_init", &lib.init);
+    load(handle, "fathom_close", &lib.close);
+    load(handle, "fathom_reset", &lib.reset);
+    load(handle, "fathom_push_imu", &lib.push_imu);
+    load(handle, "fathom_step", &lib.step);
+    load(handle, "fathom_inertial_estimate", &lib.inertial_estimate);
+    load(handle, "fathom_shaded_view", &lib.shaded_view);
+    load(handle, "fathom_extract_mesh", &lib.extract_mesh);
+    load(handle, "fathom_get_counters", &lib.get_counters);
+    uintptr_t step;
+    memcpy(&step, &lib.step, sizeof step);
+    dl_iterate_phdr(find_text, (void *)step);
+    synthetic_render(SCENE_DESK, 0, FRAMES, frames);
+    return text_high > text_low ? 0 : -1;
+}
+
+/* ---- a run -------------------------------------------------------------------------------------------------------- */
+
+static fathom *scan;
+static void *block;
+static int64_t stamp;
+
+static void begin(int width) {
+    fathom_config c = synthetic_config(NULL);
+    c.align_width = width;
+    c.align_height = width * SYNTHETIC_HEIGHT / SYNTHETIC_WIDTH;
+    int64_t bytes = lib.memory_required(&c);
+    assert_true(bytes > 0);
+    block = malloc((size_t)bytes);
+    assert_non_null(block);
+    memset(block, 0, (size_t)bytes); /* the caller's, and so resident from the start */
+    assert_int_equal(lib.init(&scan, &c, block, (size_t)bytes), FATHOM_OK);
+    stamp = 0;
+}
+
+static void end(void) {
+    lib.close(scan);
+    free(block);
+}
+
+/* Step i of a walk that goes to and fro, with its samples; every 50th frame is blank. */
+static fathom_result walk(int i) {
+    static const synthetic_frame blank;
+    int k = i % (2 * FRAMES - 2);
+    const synthetic_frame *f = i % 50 == 49 ? &blank : &frames[k < FRAMES ? k : 2 * FRAMES - 2 - k];
+    fathom_depth_frame frame = {stamp += SYNTHETIC_PERIOD_NS, f->depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+    fathom_result r;
+    for (int j = 6; j >= 0; j--) {
+        fathom_imu_sample s = {stamp - j * 4800000, {0.01f, 0, 0}, {0, -9.8f, 0}};
+        lib.push_imu(scan, &s);
+    }
+    assert_int_equal(lib.step(scan, &frame, &r), FATHOM_OK);
+    return r;
+}
+
+static int no_triangles(void *user, const fathom_vertex *vertices, size_t count) {
+    (void)user;
+    (void)vertices;
+    (void)count;
+    return 0;
+}
+
+/* ---- tests -------------------------------------------------------------------------------------------------------- */
+
+static __attribute__((noinline)) void *takes_memory(size_t size) {
+    void *volatile p = malloc(size);
+    *(volatile char *)p = 1;
+    return p;
+}
+
+static void the_counter_counts(void **state) {
+    (void)state;
+    if (SANITIZED) {
+        print_message("the sanitizer has the heap's entry points for itself\n");
+        skip();
+    }
+    uintptr_t helper;
+    void *(*function)(size_t) = takes_memory;
+    memcpy(&helper, &function, sizeof helper);
+    watched_low = helper;
+    watched_high = helper + 64; /* the helper's own code */
+    watched_calls = all_calls = 0;
+    void *p = takes_memory(100);
+    assert_int_equal(watched_calls, 1);
+    free(p); /* from elsewhere */
+    assert_int_equal(watched_calls, 1);
+    assert_true(all_calls >= 2);
+    watched_low = text_low;
+    watched_high = text_high;
+    p = takes_memory(100);
+    free(p);
+    assert_int_equal(watched_calls, 1); /* not the library's */
+    /* calls that C++ code makes go through here, too, or the static check below is all there is */
+    Dl_info info;
+    assert_true(dladdr(dlsym(RTLD_DEFAULT, "_Znwm"), &info) && info.dli_fname);
+    assert_null(strstr(info.dli_fname, "libstdc++"));
+}
+
+static void two_hundred_steps_make_no_call_to_the_heap(void **state) {
+    (void)state;
+    if (SANITIZED) {
+        print_message("the sanitizer has the heap's entry points for itself\n");
+        skip();
+    }
+    int tracked = 0;
+    fathom_motion motion;
+    fathom_counters counters;
+    static uint8_t rgb[3 * 100 * 80];
+    fathom_view view = {100, 80, 80, 80, 50, 40, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, 0, 0};
+    begin(SYNTHETIC_WIDTH);
+    watched_low = text_low;
+    watched_high = text_high;
+    watched_calls = all_calls = 0;
+    for (int i = 0; i < 200; i++) {
+        fathom_result r = walk(i);
+        tracked += r.state <= FATHOM_TRACKED;
+        assert_int_equal(lib.inertial_estimate(scan, stamp - 10000000, stamp, &motion), FATHOM_OK);
+        if (i % 40 != 39) continue; /* nor what else can be called between steps */
+        assert_int_equal(lib.get_counters(scan, &counters), FATHOM_OK);
+        assert_int_equal(lib.shaded_view(scan, &view, rgb), FATHOM_OK);
+        assert_true(lib.extract_mesh(scan, 0, no_triangles, NULL) > 0);
+        if (i == 119) assert_int_equal(lib.reset(scan), FATHOM_OK);
+    }
+    int own = watched_calls, all = all_calls;
+    end();
+    print_message("%d calls of the heap by libfathom, %d by all, %d of 200 tracked\n", own, all, tracked);
+    assert_int_equal(own, 0);
+    assert_true(all > 0); /* the OpenCL runtime's: the counter was in place */
+    assert_true(tracked >= 190);
+}
+
+static long status_kb(const char *format) {
+    char line[200];
+    long kb = -1;
+    FILE *f = fopen("/proc/self/status", "r");
+    assert_non_null(f);
+    while (fgets(line, sizeof line, f))
+        if (sscanf(line, format, &kb) == 1) break;
+    fclose(f);
+    return kb;
+}
+
+static void two_thousand_steps_do_not_grow_the_process(void **state) {
+    (void)state;
+    if (SANITIZED) {
+        print_message("the sanitizer's quarantine and shadow grow\n");
+        skip();
+    }
+    begin(32);
+    const char *peak = "VmHWM: %ld", *resident = "VmRSS: %ld";
+    long start = status_kb(peak), early = 0;
+    assert_true(start > 0);
+    for (int i = 0; i < 2000; i++) {
+        walk(i);
+        if (i == 199) early = status_kb(resident);
+    }
+    long after = status_kb(peak), late = status_kb(resident);
+    end();
+    print_message("VmHWM grew by %.2f MB from init (%.1f MB) to step 2000, VmRSS by %.2f MB from step 200 (%.1f MB)\n",
+                  (double)(after - start) / 1024, (double)start / 1024, (double)(late - early) / 1024,
+                  (double)early / 1024);
+    assert_true(after - start <= 10 * 1024);
+    assert_true(early > 0 && late - early <= 10 * 1024); /* building the kernels may have raised the peak before */
+}
+
+static void the_library_imports_nothing_that_takes_memory(void **state) {
+    (void)state;
+    char command[4300], symbol[512];
+    int symbols = 0;
+    if (system("nm --version >/dev/null 2>&1") != 0) {
+        print_message("nm is missing\n");
+        skip();
+    }
+    static const char *const taking[] = {
+        "malloc",   "calloc", "realloc", "reallocarray", "free",   "posix_memalign", "aligned_alloc", "memalign",
+        "valloc",   "pvalloc", "strdup", "__strdup",     "strndup", "asprintf",      "vasprintf",     "getline",
+        "getdelim", "fopen",  "fdopen",  "fopen64",      "opendir", "qsort",         "setenv",        "putenv",
+        "open_memstream"};
+    if (SANITIZED) {
+        print_message("a sanitizer's build imports its runtime\n");
+        skip();
+    }
+    snprintf(command, sizeof command, "nm -D --undefined-only '%s'", so_path);
+    FILE *p = popen(command, "r");
+    assert_non_null(p);
+    while (fscanf(p, "%511s", symbol) == 1) {
+        char *at = strchr(symbol, '@');
+        if (at) *at = 0;
+        symbols++;
+        bool bad = strncmp(symbol, "_Znw", 4) == 0 || strncmp(symbol, "_Zna", 4) == 0 || strncmp(symbol, "_Zdl", 4) == 0;
+        for (size_t i = 0; i < sizeof taking / sizeof *taking; i++) bad = bad || strcmp(symbol, taking[i]) == 0;
+        if (bad) print_error("%s imports %s\n", so_path, symbol);
+        assert_false(bad);
+    }
+    assert_int_equal(pclose(p), 0);
+    assert_true(symbols > 20); /* and it was read */
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_counter_counts),
+        cmocka_unit_test(two_hundred_steps_make_no_call_to_the_heap),
+        cmocka_unit_test(two_thousand_steps_do_not_grow_the_process),
+        cmocka_unit_test(the_library_imports_nothing_that_takes_memory),
+    };
+    return cmocka_run_group_tests(tests, setup, NULL);
+}
