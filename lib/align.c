@@ -23,12 +23,20 @@ void aligner_close(aligner *a) {
     device_buffer_free(&a->sums);
 }
 
+/* Pairs further apart than this are rejected; twice as far at each coarser level. */
+static double pair_distance(const aligner *a, int level, double seed_sigma_m) {
+    return fmax(a->config->pair_distance_m, 3 * seed_sigma_m) * (1 << (FINEST - level));
+}
+
+float align_reach(const aligner *a, int coarsest, double seed_sigma_m) {
+    return (float)pair_distance(a, coarsest, seed_sigma_m);
+}
+
 /* Section 2: one reduction over all pixels of a level. */
-static void reduce(aligner *a, device *d, depth_maps *maps, int level, const pose *motion, double reach_m,
+static void reduce(aligner *a, device *d, depth_maps *maps, int level, const pose *motion, double distance,
                    const double centre[3], normal_equations *e) {
     const fathom_config *c = a->config;
     const kernel_camera *camera = &maps->camera[level];
-    double distance = fmax(c->pair_distance_m, reach_m) * (1 << (FINEST - level));
     kernel_pair_limits limits = {
         (cl_float)(distance * distance), cosf(c->pair_angle_rad), c->huber_m, 0, {{0}}};
     for (int i = 0; i < 3; i++) limits.centre.s[i] = (cl_float)centre[i];
@@ -63,7 +71,7 @@ void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int 
         for (int i = 0; i < budget[level]; i++) {
             normal_equations e;
             solution s;
-            reduce(a, d, maps, level, &result->motion, 3 * seed_sigma_m, centre, &e);
+            reduce(a, d, maps, level, &result->motion, pair_distance(a, level, seed_sigma_m), centre, &e);
             result->iterations++;
             result->level = level;
             result->pairs = (int)e.pairs;

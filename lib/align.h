@@ -27,6 +27,9 @@ typedef struct {
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);
 void aligner_close(aligner *a);
 
+/* How far from the scan a model point may lie and still pair with it, from the coarsest level on. */
+float align_reach(const aligner *a, int coarsest, double seed_sigma_m);
+
 /* Aligns from `seed` on, with at most budget[level] iterations at each level. The pair distance is widened to three of
  * the seed's position sigma. Waits for the device at each iteration. */
 void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS],

@@ -60,7 +60,8 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
     m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
     device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
-    device_buffer_make(d, a, (size_t)m->camera[FINEST].width * (size_t)m->camera[FINEST].height * 16, &m->packed);
+    device_buffer_make(d, a, (size_t)m->camera[FINEST].width * (size_t)m->camera[FINEST].height * 16,
+                       &m->packed);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
         device_buffer_make(d, a, (size_t)m->camera[i].plane * 4, &m->depth[i]);
         device_buffer_make(d, a, (size_t)m->camera[i].plane * 16, &m->normals[i]);

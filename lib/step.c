@@ -62,8 +62,8 @@ static void align_scan(fathom *f, const pose *seed, double seed_sigma_m, const i
     bool against_model = f->config.against == FATHOM_AGAINST_MODEL;
     double start = now_ms();
     if (against_model) {
-        volume_raycast(&f->volume, &f->device, &f->maps.camera[FINEST], seed, f->config.depth_min_m,
-                       f->config.depth_max_m, &f->aligner.model[FINEST]);
+        volume_raycast_near(&f->volume, &f->device, &f->maps, seed,
+                            align_reach(&f->aligner, coarsest, seed_sigma_m), &f->aligner.model[FINEST]);
         volume_halve_maps(&f->volume, &f->device, f->maps.camera, f->aligner.model, coarsest);
         device_wait(&f->device);
         f->reference = *seed;
@@ -103,13 +103,24 @@ static void report_alignment(const alignment *icp, fathom_result *r) {
     for (int i = 0; i < 6; i++) r->singular_values[i] = (float)icp->singular[i];
 }
 
-static void first_step(fathom *f, fathom_result *r) {
+/* A hundredth of the frame must be valid: a few stray pixels under a covered lens are no world to find back to. */
+static bool has_depth(const fathom_config *c, const fathom_depth_frame *scan) {
+    int pixels = scan->width * scan->height, valid = 0;
+    float low = c->depth_min_m * c->depth_units_per_metre, high = c->depth_max_m * c->depth_units_per_metre;
+    for (int i = 0; i < pixels; i++) {
+        float d = scan->depth[i];
+        valid += scan->depth[i] != 0 && scan->depth[i] != 65535 && d >= low && d <= high;
+    }
+    return valid >= pixels / 100;
+}
+
+static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     if (f->paused) { /* there is nothing to align with, and nothing may be fused */
         r->state = FATHOM_RECKONED;
         r->verdict = FATHOM_VERDICT_FEW_PAIRS;
         return;
     }
-    fuse(f, &f->pose, r);
+    if (has_depth(&f->config, scan)) fuse(f, &f->pose, r);
     r->fused = f->started = f->volume.count > 0;
     r->state = f->started ? FATHOM_FIRST : FATHOM_RECKONED;
     r->verdict = f->started ? FATHOM_VERDICT_TRACKING : FATHOM_VERDICT_NO_DEPTH;
@@ -167,7 +178,7 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     if (f->started)
         next_step(f, r);
     else
-        first_step(f, r);
+        first_step(f, scan, r);
 
     f->timestamp_ns = scan->timestamp_ns;
     pose_to_matrix(&f->pose, r->pose);

@@ -88,7 +88,8 @@ static int emit(surface_output *s, device *d, volume *v, const kernel_surface *f
     }
     device_unmap(d, &s->offsets, offsets);
     cl_int from = first;
-    RUN(d, s->emit, (size_t)blocks, 1, 0, ARG(v->voxels.memory), ARG(v->table.memory), ARG(*f),
+    /* groups of one: Intel's compiler for CPUs (2025.3), given more, makes wrong normals of several blocks at once */
+    RUN(d, s->emit, (size_t)blocks, 1, 1, ARG(v->voxels.memory), ARG(v->table.memory), ARG(*f),
         ARG(v->blocks.memory), ARG(s->cases.memory), ARG(from), ARG(s->offsets.memory),
         ARG(s->vertices.memory));
     fathom_vertex *vertices = device_map(d, &s->vertices, CL_MAP_READ);
@@ -105,7 +106,7 @@ int64_t surface_extract(surface_output *s, device *d, volume *v, float min_weigh
     for (int start = 0; start < v->count; start += SURFACE_BATCH) {
         int blocks = v->count - start < SURFACE_BATCH ? v->count - start : SURFACE_BATCH;
         cl_int from = start, counts[SURFACE_BATCH];
-        RUN(d, s->count, (size_t)blocks, 1, 0, ARG(v->voxels.memory), ARG(v->table.memory), ARG(f),
+        RUN(d, s->count, (size_t)blocks, 1, 1, ARG(v->voxels.memory), ARG(v->table.memory), ARG(f),
             ARG(v->blocks.memory), ARG(s->cases.memory), ARG(from), ARG(s->counts.memory));
         cl_int *mapped = device_map(d, &s->counts, CL_MAP_READ);
         if (!mapped) return d->error;

@@ -17,8 +17,8 @@ typedef struct {
     device_buffer table;  /* the hash: an int4 an entry */
     device_buffer blocks; /* coordinates of each place: an int4 */
     device_buffer requests, counts;
-    device_buffer ranges;
-    cl_kernel request, clear, fuse, clear_ranges, range_blocks, raycast, halve_map;
+    device_buffer ranges, scan_ranges;
+    cl_kernel request, clear, fuse, clear_ranges, range_blocks, scan_range, limit_ranges, raycast, halve_map;
 } volume;
 
 /* Bytes that each block of the pool costs, without the pool's fixed part. */
@@ -41,6 +41,10 @@ void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_w
  * finest maps'. */
 void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
                     float near_m, float far_m, device_buffer *model);
+
+/* The same from where the scan was taken, as far as it lies within reach_m of the scan: all that alignment needs. */
+void volume_raycast_near(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, float reach_m,
+                         device_buffer *model);
 
 /* Queues the coarser levels of a model map. */
 void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],

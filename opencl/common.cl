@@ -43,6 +43,7 @@ inline float depth_sigma(float2 noise, float z) {
 #define BLOCK_EDGE 8
 #define BLOCK_VOXELS 512
 #define TSDF_ONE 32767.0f  /* a stored distance of one truncation */
+#define NEVER_SEEN SHRT_MIN /* the stored distance of a voxel that no frame has reached */
 
 inline uint block_hash(int3 b) {
     return ((uint)b.x * 73856093u) ^ ((uint)b.y * 19349669u) ^ ((uint)b.z * 83492791u);

@@ -119,7 +119,7 @@ kernel void normal_map(global const float *depth, camera c, float2 noise, global
     float8 inverse = 1.0f / sqrt(nx * nx + ny * ny + nz * nz);
     float8 bend_x = select((float8)(0.0f), left + right - 2.0f * z, l && r);
     float8 bend_y = select((float8)(0.0f), up + down - 2.0f * z, u && b);
-    float8 bend = (bend_x * bend_x + bend_y * bend_y) / (sigma * sigma);
+    float8 bend = (bend_x * bend_x + bend_y * bend_y) / (9.0f * sigma * sigma); /* in units of three sigma */
     float8 edge = select((float8)(0.25f), (float8)(1.0f), l && r && u && b);
     float sigma_1m = depth_sigma(noise, 1.0f);
     float8 confidence = edge * sigma_1m * sigma_1m / (sigma * sigma * (1.0f + bend));

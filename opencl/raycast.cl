@@ -3,7 +3,7 @@
 typedef struct {
     float voxel, truncation;  /* metres */
     uint mask;                /* of the hash table */
-    float min_weight;         /* voxels below count as never seen; in stored units */
+    float min_weight;         /* voxels below count as never seen; in stored units; 0: all that were seen count */
 } surface;
 
 /* A voxel's stored distance in truncations, or NAN where it was never seen. *last, *place: the block looked up last. */
@@ -16,11 +16,13 @@ inline float voxel_at(global const short *voxels, global const int4 *table, surf
     if (*place < 0) return NAN;
     global const short *block = voxels + (size_t)*place * 2 * BLOCK_VOXELS;
     int at = ((i.z & 7) * 8 + (i.y & 7)) * 8 + (i.x & 7);
-    float weight = (float)((global const ushort *)block)[BLOCK_VOXELS + at];
-    return weight > f.min_weight ? (float)block[at] / TSDF_ONE : NAN;
+    short d = block[at];
+    if (f.min_weight > 0.0f && (float)((global const ushort *)block)[BLOCK_VOXELS + at] <= f.min_weight) return NAN;
+    return d == NEVER_SEEN ? NAN : (float)d * (1.0f / TSDF_ONE);
 }
 
-/* The eight distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. */
+/* The eight distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. Doesn't look at
+ * min_weight: for ray-casts. */
 inline bool cube_at(global const short *voxels, global const int4 *table, surface f, int3 i, float8 *cube, int3 *last,
                     int *place) {
     int3 in = i & 7;
@@ -32,10 +34,9 @@ inline bool cube_at(global const short *voxels, global const int4 *table, surfac
         }
         if (*place < 0) return false;
         global const short *d = voxels + (size_t)*place * 2 * BLOCK_VOXELS + (in.z * 8 + in.y) * 8 + in.x;
-        global const ushort *w = (global const ushort *)d + BLOCK_VOXELS;
-        ushort8 weights = (ushort8)(vload2(0, w), vload2(0, w + 8), vload2(0, w + 64), vload2(0, w + 72));
-        if (!all(convert_float8(weights) > f.min_weight)) return false;
-        *cube = convert_float8((short8)(vload2(0, d), vload2(0, d + 8), vload2(0, d + 64), vload2(0, d + 72))) * (1.0f / TSDF_ONE);
+        short8 stored = (short8)(vload2(0, d), vload2(0, d + 8), vload2(0, d + 64), vload2(0, d + 72));
+        if (any(stored == (short8)(NEVER_SEEN))) return false;
+        *cube = convert_float8(stored) * (1.0f / TSDF_ONE);
         return true;
     }
     float c[8];
@@ -60,20 +61,6 @@ inline float distance_at(global const short *voxels, global const int4 *table, s
     return mix(y.x, y.y, t.z);
 }
 
-#ifdef WIDE
-/* The gradient by central differences one voxel wide. NAN where it can't be had. */
-inline float3 gradient_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
-                          int *place) {
-    float3 g;
-    g.x = distance_at(voxels, table, f, p + (float3)(1, 0, 0), last, place) -
-          distance_at(voxels, table, f, p - (float3)(1, 0, 0), last, place);
-    g.y = distance_at(voxels, table, f, p + (float3)(0, 1, 0), last, place) -
-          distance_at(voxels, table, f, p - (float3)(0, 1, 0), last, place);
-    g.z = distance_at(voxels, table, f, p + (float3)(0, 0, 1), last, place) -
-          distance_at(voxels, table, f, p - (float3)(0, 0, 1), last, place);
-    return g;
-}
-#else
 /* The gradient of the trilinear interpolation at p. NAN where it can't be had. */
 inline float3 gradient_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
                           int *place) {
@@ -86,7 +73,6 @@ inline float3 gradient_at(global const short *voxels, global const int4 *table, 
     float2 dxy = mix(dx.even, dx.odd, t.y);
     return (float3)(mix(dxy.x, dxy.y, t.z), mix(dy.x, dy.y, t.z), y.y - y.x);
 }
-#endif
 
 /* Nearest and farthest depth of any block for each tile of TILE x TILE pixels, so that rays start close to the surface.
  * ranges: two ints a tile, the bits of positive floats, which sort as integers do. First clear_ranges (global size:
@@ -130,6 +116,35 @@ kernel void range_blocks(global const int4 *blocks, camera c, rigid world_to_cam
             if (near_bits < range[0]) atomic_min(range, near_bits);
             if (far_bits > range[1]) atomic_max(range + 1, far_bits);
         }
+}
+
+/* For alignment only what lies near the scan matters: narrows each tile's range to `reach` about the depths that the scan
+ * has in it or in a tile beside it; empty where it has none. scan_ranges (global size: tiles) finds the nearest and
+ * farthest depth of each tile, limit_ranges (the same) applies them. */
+kernel void scan_ranges(global const float *depth, camera c, global float2 *scan) {
+    int tile = get_global_id(0), tiles_x = (c.width + TILE - 1) / TILE;
+    int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
+    float2 range = (float2)(INFINITY, 0.0f);
+    for (int y = y0; y < min(y0 + TILE, c.height); y++)
+        for (int x = x0; x < min(x0 + TILE, c.width); x++) {
+            float z = depth[AT(c, x, y)];
+            range.x = z > 0.0f ? fmin(range.x, z) : range.x;
+            range.y = fmax(range.y, z);
+        }
+    scan[tile] = range;
+}
+
+kernel void limit_ranges(global const float2 *scan, camera c, float reach, global int *ranges) {
+    int tile = get_global_id(0), tiles_x = (c.width + TILE - 1) / TILE, tiles_y = (c.height + TILE - 1) / TILE;
+    int tx = tile % tiles_x, ty = tile / tiles_x;
+    float2 range = (float2)(INFINITY, 0.0f);
+    for (int y = max(ty - 1, 0); y <= min(ty + 1, tiles_y - 1); y++)
+        for (int x = max(tx - 1, 0); x <= min(tx + 1, tiles_x - 1); x++) {
+            float2 s = scan[y * tiles_x + x];
+            range = (float2)(fmin(range.x, s.x), fmax(range.y, s.y));
+        }
+    ranges[2 * tile] = as_int(fmax(as_float(ranges[2 * tile]), range.x - reach));
+    ranges[2 * tile + 1] = as_int(fmin(as_float(ranges[2 * tile + 1]), range.y + reach));
 }
 
 /* One ray a pixel: from block to block where there are none, by the stored distance where there are, to the first change
@@ -200,8 +215,8 @@ kernel void raycast(global const short *voxels, global const int4 *table, surfac
         }
         previous = d;
         previous_t = t;
-        /* the stored distance is along the ray of some camera: at most the true one times what slant makes of it */
-        t += fmax(0.6f * fabs(d) * f.truncation / f.voxel, 0.7f) * one_voxel;
+        /* the stored distance is to the surface's plane as some camera saw it: nearly, but not always, the least */
+        t += fmax(0.8f * fabs(d) * f.truncation / f.voxel, 0.7f) * one_voxel;
     }
     model[y * c.width + x] = result;
 }

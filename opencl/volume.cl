@@ -1,8 +1,8 @@
 /* The surface as a truncated signed distance in hashed blocks of 8x8x8 voxels (Curless and Levoy 1996; Niessner et al.
  * 2013, "Real-time 3D reconstruction at scale using voxel hashing").
  *
- * A block is 512 distances (short, TSDF_ONE a truncation, positive in front of the surface) and then 512 weights (ushort,
- * WEIGHT_ONE for one observation at 1 m; 0: never seen), x fastest. Voxel i stands at i * voxel metres in the world. */
+ * A block is 512 distances (short, TSDF_ONE a truncation, positive in front of the surface, or NEVER_SEEN) and then 512 weights (ushort,
+ * WEIGHT_ONE for one observation at 1 m), x fastest. Voxel i stands at i * voxel metres in the world. */
 
 #define WEIGHT_ONE 64.0f
 #define BEHIND 1.0f /* truncations behind the surface along the ray that a pixel still speaks for */
@@ -115,8 +115,8 @@ kernel void fuse_blocks(global const float4 *scan, camera c, float2 noise, rigid
     }
 }
 
-/* Makes blocks new: nothing seen. Global size: blocks, rows of eight voxels (128: distances, then weights). */
+/* Makes blocks new: nothing seen. Global size: blocks, rows of eight numbers (128: distances, then weights). */
 kernel void clear_blocks(int first, global short *voxels) {
-    size_t block = (size_t)(first + get_global_id(0));
-    vstore8((short8)(0), block * 128 + get_global_id(1), voxels);
+    size_t block = (size_t)(first + get_global_id(0)), row = get_global_id(1);
+    vstore8((short8)(row < BLOCK_VOXELS / 8 ? NEVER_SEEN : 0), block * 128 + row, voxels);
 }
