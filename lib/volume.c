@@ -28,27 +28,24 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const d
     device_buffer_make(d, a, (size_t)v->tiles * TILE_SLOTS * sizeof(cl_int4), &v->requests);
     device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_int), &v->counts);
     device_buffer_make(d, a, (size_t)v->tiles * 2 * sizeof(cl_int), &v->ranges);
-    device_buffer_make(d, a, (size_t)v->tiles * 2 * sizeof(cl_float), &v->scan_ranges);
     if (!d->context) return;
     v->request = device_kernel(d, "request_blocks");
     v->clear = device_kernel(d, "clear_blocks");
     v->fuse = device_kernel(d, "fuse_blocks");
     v->clear_ranges = device_kernel(d, "clear_ranges");
     v->range_blocks = device_kernel(d, "range_blocks");
-    v->scan_range = device_kernel(d, "scan_ranges");
-    v->limit_ranges = device_kernel(d, "limit_ranges");
+    v->raycast_near = device_kernel(d, "raycast_near");
     v->raycast = device_kernel(d, "raycast");
     v->halve_map = device_kernel(d, "halve_map");
     if (d->error == FATHOM_OK) volume_clear(v, d);
 }
 
 void volume_close(volume *v) {
-    cl_kernel kernels[] = {v->request,    v->clear,        v->fuse,    v->clear_ranges, v->range_blocks,
-                           v->scan_range, v->limit_ranges, v->raycast, v->halve_map};
+    cl_kernel kernels[] = {v->request,      v->clear,   v->fuse,         v->clear_ranges,
+                           v->range_blocks, v->raycast, v->raycast_near, v->halve_map};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i]) clReleaseKernel(kernels[i]);
-    device_buffer *buffers[] = {&v->voxels, &v->table,  &v->blocks,     &v->requests,
-                                &v->counts, &v->ranges, &v->scan_ranges};
+    device_buffer *buffers[] = {&v->voxels, &v->table, &v->blocks, &v->requests, &v->counts, &v->ranges};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) device_buffer_free(buffers[i]);
 }
 
@@ -117,44 +114,26 @@ void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_w
         ARG(v->blocks.memory), ARG(v->voxels.memory));
 }
 
-static size_t tiles_of(const kernel_camera *c) {
-    return (size_t)((c->width + TILE - 1) / TILE) * (size_t)((c->height + TILE - 1) / TILE);
-}
-
-/* Where each tile's rays may meet blocks. */
-static void range(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
-                  float near_m, float far_m) {
-    pose inverse = pose_inverse(camera_to_world);
-    kernel_rigid to_camera = kernel_rigid_of(&inverse);
-    RUN(d, v->clear_ranges, tiles_of(camera), 1, 0, ARG(v->ranges.memory));
-    RUN(d, v->range_blocks, (size_t)v->count, 1, 0, ARG(v->blocks.memory), ARG(*camera), ARG(to_camera),
-        ARG(v->surface.voxel), ARG(near_m), ARG(far_m), ARG(v->ranges.memory));
-}
-
-static void cast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
-                 device_buffer *model) {
-    kernel_rigid to_world = kernel_rigid_of(camera_to_world);
-    size_t columns =
-        ((size_t)camera->width + 15) / 16 * 16; /* whole work-groups; the kernel leaves the rest out */
-    RUN(d, v->raycast, columns, (size_t)camera->height, 16, ARG(v->voxels.memory), ARG(v->table.memory),
-        ARG(v->surface), ARG(*camera), ARG(to_world), ARG(v->ranges.memory), ARG(model->memory));
-}
-
 void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
                     float near_m, float far_m, device_buffer *model) {
-    range(v, d, camera, camera_to_world, near_m, far_m);
-    cast(v, d, camera, camera_to_world, model);
+    pose inverse = pose_inverse(camera_to_world);
+    kernel_rigid to_camera = kernel_rigid_of(&inverse), to_world = kernel_rigid_of(camera_to_world);
+    size_t tiles = (size_t)((camera->width + TILE - 1) / TILE) * (size_t)((camera->height + TILE - 1) / TILE);
+    RUN(d, v->clear_ranges, tiles, 1, 0, ARG(v->ranges.memory));
+    RUN(d, v->range_blocks, (size_t)v->count, 1, 0, ARG(v->blocks.memory), ARG(*camera), ARG(to_camera),
+        ARG(v->surface.voxel), ARG(near_m), ARG(far_m), ARG(v->ranges.memory));
+    RUN(d, v->raycast, (size_t)camera->width, (size_t)camera->height, 0, ARG(v->voxels.memory),
+        ARG(v->table.memory), ARG(v->surface), ARG(*camera), ARG(to_world), ARG(v->ranges.memory),
+        ARG(model->memory));
 }
 
 void volume_raycast_near(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, float reach_m,
                          device_buffer *model) {
     const kernel_camera *camera = &maps->camera[FINEST];
-    range(v, d, camera, camera_to_world, maps->source.min_m, maps->source.max_m);
-    RUN(d, v->scan_range, tiles_of(camera), 1, 0, ARG(maps->depth[FINEST].memory), ARG(*camera),
-        ARG(v->scan_ranges.memory));
-    RUN(d, v->limit_ranges, tiles_of(camera), 1, 0, ARG(v->scan_ranges.memory), ARG(*camera), ARG(reach_m),
-        ARG(v->ranges.memory));
-    cast(v, d, camera, camera_to_world, model);
+    kernel_rigid to_world = kernel_rigid_of(camera_to_world);
+    RUN(d, v->raycast_near, (size_t)camera->width, (size_t)camera->height, 0, ARG(v->voxels.memory),
+        ARG(v->table.memory), ARG(v->surface), ARG(*camera), ARG(to_world), ARG(maps->depth[FINEST].memory),
+        ARG(reach_m), ARG(model->memory));
 }
 
 void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],

@@ -17,8 +17,8 @@ typedef struct {
     device_buffer table;  /* the hash: an int4 an entry */
     device_buffer blocks; /* coordinates of each place: an int4 */
     device_buffer requests, counts;
-    device_buffer ranges, scan_ranges;
-    cl_kernel request, clear, fuse, clear_ranges, range_blocks, scan_range, limit_ranges, raycast, halve_map;
+    device_buffer ranges;
+    cl_kernel request, clear, fuse, clear_ranges, range_blocks, raycast, raycast_near, halve_map;
 } volume;
 
 /* Bytes that each block of the pool costs, without the pool's fixed part. */

@@ -49,29 +49,27 @@ inline bool cube_at(global const short *voxels, global const int4 *table, surfac
     return seen;
 }
 
-/* Trilinear interpolation at p, in voxels; NAN if one of the eight was never seen. */
-inline float distance_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
-                         int *place) {
-    float8 c;
-    int3 i = convert_int3_rtn(p);
-    float3 t = p - convert_float3(i);
-    if (!cube_at(voxels, table, f, i, &c, last, place)) return NAN;
+/* Trilinear interpolation between a cube's corners at t within it. */
+inline float interpolate(float8 c, float3 t) {
     float4 x = mix(c.even, c.odd, t.x);
     float2 y = mix(x.even, x.odd, t.y);
     return mix(y.x, y.y, t.z);
 }
 
-/* The gradient of the trilinear interpolation at p. NAN where it can't be had. */
-inline float3 gradient_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
-                          int *place) {
-    float8 c;
-    int3 i = convert_int3_rtn(p);
-    float3 t = p - convert_float3(i);
-    if (!cube_at(voxels, table, f, i, &c, last, place)) return (float3)(NAN);
+/* Its gradient, a voxel. */
+inline float3 interpolate_gradient(float8 c, float3 t) {
     float4 x = mix(c.even, c.odd, t.x), dx = c.odd - c.even;
     float2 y = mix(x.even, x.odd, t.y), dy = x.odd - x.even;
     float2 dxy = mix(dx.even, dx.odd, t.y);
     return (float3)(mix(dxy.x, dxy.y, t.z), mix(dy.x, dy.y, t.z), y.y - y.x);
+}
+
+/* Distance at p, in voxels; NAN if one of the eight voxels about it was never seen. */
+inline float distance_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
+                         int *place) {
+    float8 c;
+    int3 i = convert_int3_rtn(p);
+    return cube_at(voxels, table, f, i, &c, last, place) ? interpolate(c, p - convert_float3(i)) : NAN;
 }
 
 /* Nearest and farthest depth of any block for each tile of TILE x TILE pixels, so that rays start close to the surface.
@@ -118,64 +116,45 @@ kernel void range_blocks(global const int4 *blocks, camera c, rigid world_to_cam
         }
 }
 
-/* For alignment only what lies near the scan matters: narrows each tile's range to `reach` about the depths that the scan
- * has in it or in a tile beside it; empty where it has none. scan_ranges (global size: tiles) finds the nearest and
- * farthest depth of each tile, limit_ranges (the same) applies them. */
-kernel void scan_ranges(global const float *depth, camera c, global float2 *scan) {
-    int tile = get_global_id(0), tiles_x = (c.width + TILE - 1) / TILE;
-    int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
-    float2 range = (float2)(INFINITY, 0.0f);
-    for (int y = y0; y < min(y0 + TILE, c.height); y++)
-        for (int x = x0; x < min(x0 + TILE, c.width); x++) {
-            float z = depth[AT(c, x, y)];
-            range.x = z > 0.0f ? fmin(range.x, z) : range.x;
-            range.y = fmax(range.y, z);
-        }
-    scan[tile] = range;
+/* A ray in voxels: origin + step * depth. */
+typedef struct {
+    float3 origin, step;
+    float3 ray; /* of the pixel, in camera axes, with z = 1 */
+} voxel_ray;
+
+inline voxel_ray pixel_ray(surface f, camera c, rigid pose, int x, int y) {
+    voxel_ray r;
+    r.ray = (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f);
+    r.step = rotate_vector(pose, r.ray) / f.voxel;
+    r.origin = (float3)(pose.x.w, pose.y.w, pose.z.w) / f.voxel;
+    return r;
 }
 
-kernel void limit_ranges(global const float2 *scan, camera c, float reach, global int *ranges) {
-    int tile = get_global_id(0), tiles_x = (c.width + TILE - 1) / TILE, tiles_y = (c.height + TILE - 1) / TILE;
-    int tx = tile % tiles_x, ty = tile / tiles_x;
-    float2 range = (float2)(INFINITY, 0.0f);
-    for (int y = max(ty - 1, 0); y <= min(ty + 1, tiles_y - 1); y++)
-        for (int x = max(tx - 1, 0); x <= min(tx + 1, tiles_x - 1); x++) {
-            float2 s = scan[y * tiles_x + x];
-            range = (float2)(fmin(range.x, s.x), fmax(range.y, s.y));
-        }
-    ranges[2 * tile] = as_int(fmax(as_float(ranges[2 * tile]), range.x - reach));
-    ranges[2 * tile + 1] = as_int(fmin(as_float(ranges[2 * tile + 1]), range.y + reach));
+/* A hit as the model map has it: normal in camera axes and depth; zero when the surface is seen from behind. */
+inline float4 model_point(rigid pose, voxel_ray r, float3 gradient, float depth) {
+    float length2 = dot(gradient, gradient);
+    if (!(length2 > 1e-8f)) return (float4)(0.0f);
+    float3 n = rotate_back(pose, gradient * rsqrt(length2));
+    return dot(n, r.ray) < 0.0f ? (float4)(n, depth) : (float4)(0.0f);
 }
 
-/* One ray a pixel: from block to block where there are none, by the stored distance where there are, to the first change
- * from outside to inside; there the distance is interpolated between voxels and the crossing found by regula falsi.
- * model: normal in camera axes, towards the camera, and depth; zero where nothing was met. Global size: width or more,
- * height. */
-kernel void raycast(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
-                    global const int *ranges, global float4 *model) {
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= c.width) return;
-    int tile = y / TILE * ((c.width + TILE - 1) / TILE) + x / TILE;
-    float t = as_float(ranges[2 * tile]), end = as_float(ranges[2 * tile + 1]);
-    float3 ray = rotate_vector(pose, (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f));
-    float3 origin = (float3)(pose.x.w, pose.y.w, pose.z.w) / f.voxel;
-    float3 step = ray / f.voxel; /* voxels a metre of depth */
-    float speed = length(step);
-    float3 inverse = 1.0f / step;
+/* From block to block where there are none, by the stored distance where there are, to the first change from outside to
+ * inside; there the distance is interpolated between voxels and the crossing found by regula falsi. */
+inline float4 march(global const short *voxels, global const int4 *table, surface f, rigid pose, voxel_ray r, float t,
+                    float end) {
+    float speed = length(r.step); /* voxels a metre of depth */
+    float3 inverse = 1.0f / r.step;
     float one_voxel = 1.0f / speed;
     int3 last = (int3)(INT_MAX);
     int place = -1;
     float previous = -1.0f, previous_t = t; /* a ray starts "inside": a back side is passed through */
-    float4 result = 0.0f;
     while (t < end) {
-        float3 p = origin + step * t;
-        int3 i = convert_int3_rtn(p + 0.5f);
-        float d = voxel_at(voxels, table, f, i, &last, &place);
+        float3 p = r.origin + r.step * t;
+        float d = voxel_at(voxels, table, f, convert_int3_rtn(p + 0.5f), &last, &place);
         if (place < 0) { /* to the block's far side */
             float3 low = convert_float3(last << 3) - 0.5f;
-            float3 out = select(low, low + 8.0f, step > 0.0f);
-            float3 ways = (out - p) * inverse;
-            ways = select((float3)(INFINITY), ways, fabs(step) > 1e-6f);
+            float3 ways = (select(low, low + 8.0f, r.step > 0.0f) - p) * inverse;
+            ways = select((float3)(INFINITY), ways, fabs(r.step) > 1e-6f);
             t += fmax(fmin(fmin(ways.x, ways.y), ways.z), 0.0f) + 0.05f * one_voxel;
             previous = -1.0f;
             continue;
@@ -193,7 +172,7 @@ kernel void raycast(global const short *voxels, global const int4 *table, surfac
             float a = previous_t, b = t, fa = previous, fb = d;
             float hit = a + (b - a) * fa / (fa - fb);
             for (int k = 0; k < 2; k++) {
-                float fm = distance_at(voxels, table, f, origin + step * hit, &last, &place);
+                float fm = distance_at(voxels, table, f, r.origin + r.step * hit, &last, &place);
                 if (isnan(fm)) break;
                 if (fm > 0.0f) {
                     a = hit;
@@ -204,19 +183,67 @@ kernel void raycast(global const short *voxels, global const int4 *table, surfac
                 }
                 hit = a + (b - a) * fa / (fa - fb);
             }
-            float3 n = gradient_at(voxels, table, f, origin + step * hit, &last, &place);
-            float length2 = dot(n, n);
-            if (length2 > 1e-8f) { /* false for NAN */
-                n = rotate_back(pose, n * rsqrt(length2));
-                if (n.x * ((float)x - c.cx) / c.fx + n.y * ((float)y - c.cy) / c.fy + n.z < 0.0f)
-                    result = (float4)(n, hit);
-            }
-            break;
+            float8 cube;
+            p = r.origin + r.step * hit;
+            int3 i = convert_int3_rtn(p);
+            if (!cube_at(voxels, table, f, i, &cube, &last, &place)) return (float4)(0.0f);
+            return model_point(pose, r, interpolate_gradient(cube, p - convert_float3(i)), hit);
         }
         previous = d;
         previous_t = t;
         /* the stored distance is to the surface's plane as some camera saw it: nearly, but not always, the least */
         t += fmax(0.8f * fabs(d) * f.truncation / f.voxel, 0.7f) * one_voxel;
+    }
+    return (float4)(0.0f);
+}
+
+/* The surface as the camera sees it: normal in camera axes, towards the camera, and depth; zero where nothing was met.
+ * Global size: width, height. */
+kernel void raycast(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
+                    global const int *ranges, global float4 *model) {
+    int x = get_global_id(0), y = get_global_id(1);
+    int tile = y / TILE * ((c.width + TILE - 1) / TILE) + x / TILE;
+    model[y * c.width + x] = march(voxels, table, f, pose, pixel_ray(f, c, pose, x, y), as_float(ranges[2 * tile]),
+                                   as_float(ranges[2 * tile + 1]));
+}
+
+#define NEWTON_STEPS 4
+#define NEWTON_CLOSE 0.05f /* voxels */
+
+/* The same for alignment, which needs the surface only where the scan has one, and near it. Where the camera's pose is
+ * nearly right, the scan's own depth is the best start: Newton's method along the ray from there, two or three cubes of
+ * voxels instead of a march. Where that fails, the ray is marched from `reach` before the scan's depth to as far behind.
+ * Global size: width, height. */
+kernel void raycast_near(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
+                         global const float *scan, float reach, global float4 *model) {
+    int x = get_global_id(0), y = get_global_id(1);
+    float z = scan[AT(c, x, y)];
+    float4 result = 0.0f;
+    if (z > 0.0f) {
+        voxel_ray r = pixel_ray(f, c, pose, x, y);
+        int3 last = (int3)(INT_MAX);
+        int place = -1;
+        float t = z;
+        bool met = false;
+        for (int k = 0; k < NEWTON_STEPS; k++) {
+            float8 cube;
+            float3 p = r.origin + r.step * t;
+            int3 i = convert_int3_rtn(p);
+            if (!cube_at(voxels, table, f, i, &cube, &last, &place)) break;
+            float d = interpolate(cube, p - convert_float3(i));
+            float3 gradient = interpolate_gradient(cube, p - convert_float3(i));
+            float slope = dot(gradient, r.step);
+            if (!(slope < 0.0f) || fabs(d) > 0.99f) break; /* flat, or the back of something */
+            float change = -d / slope;
+            t += change;
+            if (fabs(t - z) > reach) break;
+            if (fabs(change) * length(r.step) < NEWTON_CLOSE) {
+                result = model_point(pose, r, gradient, t);
+                met = true;
+                break;
+            }
+        }
+        if (!met) result = march(voxels, table, f, pose, r, fmax(z - reach, 0.05f), z + reach);
     }
     model[y * c.width + x] = result;
 }
