@@ -98,8 +98,8 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
     memcpy(raw, frame, (size_t)m->source.width * (size_t)m->source.height * 2);
     device_unmap(d, &m->raw, raw);
     kernel_camera *c = &m->camera[FINEST];
-    RUN(d, m->convert, (size_t)c->width, (size_t)c->height, 0, ARG(m->raw.memory), ARG(m->source), ARG(*c),
-        ARG(m->noise), ARG(m->depth[FINEST].memory));
+    RUN(d, m->convert, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->raw.memory), ARG(m->source),
+        ARG(*c), ARG(m->noise), ARG(m->depth[FINEST].memory));
     cl_float reach = SMOOTHING_REACH;
     RUN(d, m->smoothing, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->depth[FINEST].memory),
         ARG(*c), ARG(m->noise), ARG(reach), ARG(m->smooth.memory));

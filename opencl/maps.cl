@@ -10,45 +10,54 @@ typedef struct {
     float min_m, max_m;
 } depth_source;
 
-inline float source_depth(global const ushort *raw, depth_source s, int x, int y) {
-    if (s.distorted) { /* where the ideal pinhole's pixel lies in the real picture */
+/* Where in the frame the ideal pinhole's pixel (x, y) lies, or -1 outside of it. */
+inline int source_index(depth_source s, int x, int y) {
+    if (s.distorted) {
         float u = ((float)x - s.cx) / s.fx, v = ((float)y - s.cy) / s.fy;
         float r2 = u * u + v * v;
         float radial = 1.0f + r2 * (s.k1 + r2 * (s.k2 + r2 * s.k3));
         float ud = u * radial + 2.0f * s.p1 * u * v + s.p2 * (r2 + 2.0f * u * u);
         float vd = v * radial + s.p1 * (r2 + 2.0f * v * v) + 2.0f * s.p2 * u * v;
         float px = ud * s.fx + s.cx, py = vd * s.fy + s.cy;
-        if (!(px > -0.5f && py > -0.5f && px < (float)s.width - 0.5f && py < (float)s.height - 0.5f)) return 0.0f;
+        if (!(px > -0.5f && py > -0.5f && px < (float)s.width - 0.5f && py < (float)s.height - 0.5f)) return -1;
         x = convert_int_rtn(px + 0.5f);
         y = convert_int_rtn(py + 0.5f);
     }
-    ushort v = raw[y * s.width + x];
-    if (v == 0 || v == 65535) return 0.0f;
-    float z = (float)v * s.metres_per_unit;
-    return z >= s.min_m && z <= s.max_m ? z : 0.0f;
+    return x < s.width ? y * s.width + x : -1;
+}
+
+/* The depths of eight pixels of the map, each at (i, j) of its factor x factor pixels; 0: invalid. */
+inline float8 source_depths(global const ushort *raw, depth_source s, int x, int y, int i, int j) {
+    ushort v[8];
+    for (int k = 0; k < 8; k++) {
+        int at = source_index(s, (x + k) * s.factor + i, y * s.factor + j);
+        v[k] = at >= 0 ? raw[at] : 0;
+    }
+    ushort8 units = vload8(0, v);
+    float8 z = convert_float8(units) * s.metres_per_unit;
+    return select((float8)(0.0f), z, convert_int8(units != (ushort8)(0) && units != (ushort8)(65535)) && z >= s.min_m && z <= s.max_m);
 }
 
 /* Metric depth, averaged over factor x factor pixels as far as they belong to the nearest surface among them.
- * Global size: width, height of the map. */
+ * Global size: groups of eight pixels a row, height of the map. */
 kernel void convert_depth(global const ushort *raw, depth_source s, camera c, float2 noise, global float *depth) {
-    int x = get_global_id(0), y = get_global_id(1);
-    float nearest = INFINITY;
+    int x = get_global_id(0) * 8, y = get_global_id(1);
+    float8 nearest = INFINITY;
     for (int j = 0; j < s.factor; j++)
         for (int i = 0; i < s.factor; i++) {
-            float z = source_depth(raw, s, x * s.factor + i, y * s.factor + j);
-            if (z > 0.0f) nearest = fmin(nearest, z);
+            float8 z = source_depths(raw, s, x, y, i, j);
+            nearest = fmin(nearest, select((float8)(INFINITY), z, z > 0.0f));
         }
-    float band = nearest + 4.0f * depth_sigma(noise, nearest) + 0.005f * nearest;
-    float sum = 0.0f, count = 0.0f;
+    float8 band = nearest + 4.0f * (noise.x + noise.y * nearest * nearest) + 0.005f * nearest;
+    float8 sum = 0.0f, count = 0.0f;
     for (int j = 0; j < s.factor; j++)
         for (int i = 0; i < s.factor; i++) {
-            float z = source_depth(raw, s, x * s.factor + i, y * s.factor + j);
-            if (z > 0.0f && z <= band) {
-                sum += z;
-                count += 1.0f;
-            }
+            float8 z = source_depths(raw, s, x, y, i, j);
+            int8 keep = z > 0.0f && z <= band;
+            sum += select((float8)(0.0f), z, keep);
+            count += select((float8)(0.0f), (float8)(1.0f), keep);
         }
-    depth[AT(c, x, y)] = count > 0.0f ? sum / count : 0.0f;
+    vstore8(select((float8)(0.0f), sum / count, count > 0.0f), 0, depth + AT(c, x, y));
 }
 
 /* Edge-preserving smoothing over 5x5 pixels: weights fall with the distance in the image (binomial) and with the
