@@ -59,26 +59,45 @@ static void covariance_to_scan(const pose *motion, const double left[36], double
     covariance_transport(adjoint, left, out);
 }
 
-void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS],
-           double seed_sigma_m, alignment *result) {
+/* The seed's word on the next left twist x of the motion: it is off from the seed by log(inv(seed) motion), in the scan's
+ * axes, which x changes by Ad(inv(motion)) x; that sum has the seed's covariance. */
+static bool prior_at(const align_seed *seed, const pose *motion, const fathom_config *c, solve_prior *prior) {
+    double off[6], adjoint[36], covariance[36];
+    pose way = pose_between(&seed->motion, motion);
+    pose_log(&way, off);
+    pose_adjoint(motion, adjoint);
+    for (int i = 0; i < 6; i++) {
+        prior->mean[i] = 0;
+        for (int j = 0; j < 6; j++) prior->mean[i] -= adjoint[6 * i + j] * off[j];
+    }
+    covariance_transport(adjoint, seed->covariance, covariance);
+    prior->max_condition = c->max_condition;
+    prior->correlated = CORRELATED_PAIRS;
+    return covariance_invert(covariance, prior->information);
+}
+
+void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, const int budget[FATHOM_LEVELS],
+           alignment *result) {
     const fathom_config *c = a->config;
     double centre[3] = {0, 0, 1.5}; /* about where the pairs are; then their centroid */
     memset(result, 0, sizeof *result);
-    result->motion = *seed;
+    result->motion = seed->motion;
     result->condition = INFINITY;
     for (int level = 0; level < FATHOM_LEVELS; level++) {
         double last_error = INFINITY;
         for (int i = 0; i < budget[level]; i++) {
             normal_equations e;
             solution s;
-            reduce(a, d, maps, level, &result->motion, pair_distance(a, level, seed_sigma_m), centre, &e);
+            solve_prior prior;
+            reduce(a, d, maps, level, &result->motion, pair_distance(a, level, seed->sigma_m), centre, &e);
             result->iterations++;
             result->level = level;
             result->pairs = (int)e.pairs;
             result->overlap = (int)e.overlap;
             result->pixels = maps->camera[level].width * maps->camera[level].height;
             result->weight = e.weight;
-            bool solved = solve_alignment(&e, &s);
+            bool held = seed->prior && prior_at(seed, &result->motion, c, &prior);
+            bool solved = solve_alignment(&e, held ? &prior : NULL, &s);
             memcpy(result->singular, s.singular, sizeof s.singular);
             result->condition = s.condition;
             if (!solved || d->error != FATHOM_OK) break;
@@ -89,9 +108,10 @@ void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int 
             pose_normalise(&result->motion);
             double error = s.residual / e.weight;
             result->rms = sqrt(error);
-            /* variance of a pair of weight 1, from what is left over */
-            double variance = s.residual / fmax(e.pairs - 6, 1) * CORRELATED_PAIRS;
-            for (int k = 0; k < 36; k++) s.covariance[k] *= variance;
+            if (!held) { /* variance of a pair of weight 1, from what is left over */
+                double variance = s.residual / fmax(e.pairs - 6, 1) * CORRELATED_PAIRS;
+                for (int k = 0; k < 36; k++) s.covariance[k] *= variance;
+            }
             covariance_to_scan(&result->motion, s.covariance, result->covariance);
 
             bool small =

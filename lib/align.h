@@ -30,9 +30,16 @@ void aligner_close(aligner *a);
 /* How far from the scan a model point may lie and still pair with it, from the coarsest level on. */
 float align_reach(const aligner *a, int coarsest, double seed_sigma_m);
 
-/* Aligns from `seed` on, with at most budget[level] iterations at each level. The pair distance is widened to three of
- * the seed's position sigma. Waits for the device at each iteration. */
-void align(aligner *a, device *d, depth_maps *maps, const pose *seed, const int budget[FATHOM_LEVELS],
-           double seed_sigma_m, alignment *result);
+/* Where to start from, and how sure that is. */
+typedef struct {
+    pose motion;           /* scan's camera to model's camera */
+    double covariance[36]; /* motion * exp(error) */
+    double sigma_m;        /* of the position: widens the pair distance to three of it */
+    bool prior; /* the covariance enters the solve (else the seed is only where the search starts) */
+} align_seed;
+
+/* Aligns from the seed on, with at most budget[level] iterations at each level. Waits for the device at each iteration. */
+void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, const int budget[FATHOM_LEVELS],
+           alignment *result);
 
 #endif

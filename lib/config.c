@@ -21,6 +21,7 @@ fathom_config fathom_config_default(void) {
     c.depth_noise_base_m = 0.0001f;
     c.depth_noise_growth = 0.003f;
     c.against = FATHOM_AGAINST_MODEL;
+    c.prior = FATHOM_PRIOR_INFORMATION;
     const int iterations[FATHOM_LEVELS] = {10, 5, 4}, seeded[FATHOM_LEVELS] = {0, 0, 4};
     memcpy(c.iterations, iterations, sizeof iterations);
     memcpy(c.seeded_iterations, seeded, sizeof seeded);
@@ -31,7 +32,7 @@ fathom_config fathom_config_default(void) {
     c.stop_rotation_rad = c.stop_translation_m = c.stop_error_fall = 1e-4f;
     c.min_overlap = 0.35f;
     c.max_rms_m = 0.02f;
-    c.max_condition = 200;
+    c.max_condition = 22;
     c.max_innovation_sigmas = 6;
     c.voxel_m = 0.01f;
     c.max_weight = 100;
@@ -84,6 +85,7 @@ int config_check(const fathom_config *c) {
         {"align_width", c->align_width, 0, 4096},
         {"align_height", c->align_height, 0, 4096},
         {"against", c->against, 0, 1},
+        {"prior", c->prior, 0, 1},
         {"iterations[0]", c->iterations[0], 0, 100},
         {"iterations[1]", c->iterations[1], 0, 100},
         {"iterations[2]", c->iterations[2], 0, 100},

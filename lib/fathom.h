@@ -112,6 +112,13 @@ typedef enum {
 } fathom_against;
 
 typedef enum {
+    FATHOM_PRIOR_SEED = 0,       /* the paper's way: inertia says where to start; an ill-conditioned alignment (kappa above
+                                    max_condition) is rejected (Sections 2 and 3.1) */
+    FATHOM_PRIOR_INFORMATION = 1 /* beyond it: inertia's information enters the 6x6 system too, so that a direction which the
+                                    geometry leaves free, as along a bare wall, is held by inertia */
+} fathom_prior;
+
+typedef enum {
     FATHOM_BUFFERS_AUTO = 0,  /* in the caller's block where the device is a CPU, else the device's own */
     FATHOM_BUFFERS_HOST = 1,  /* always in the caller's block (CL_MEM_USE_HOST_PTR) */
     FATHOM_BUFFERS_DEVICE = 2 /* always the device's own (CL_MEM_ALLOC_HOST_PTR), counted as device bytes */
@@ -138,6 +145,7 @@ typedef struct {
     /* alignment (Section 2) */
     int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to 320 wide */
     fathom_against against;        /* default FATHOM_AGAINST_MODEL */
+    fathom_prior prior;            /* default FATHOM_PRIOR_INFORMATION */
     int iterations[FATHOM_LEVELS]; /* most iterations, coarsest to finest, without a usable seed. Default 10, 5, 4 */
     int seeded_iterations[FATHOM_LEVELS]; /* the same with one. Default 0, 0, 4. 0..100 each; the last may be 0 only when
                                              another level has some */
@@ -153,7 +161,8 @@ typedef struct {
     float min_overlap;             /* kept pairs / pixels where both scan and model have a surface. Default 0.35 */
     int min_pairs;                 /* kept pairs at the finest level used; 0: one in 100 pixels. Default 0 */
     float max_rms_m;               /* weighted rms residual. Default 0.02 */
-    float max_condition;           /* kappa(A), centred and scaled. Default 200 */
+    float max_condition;           /* kappa(A), centred and scaled, beyond which the weakest direction says nothing (a bare
+                                      wall reads 30 by its noise, rooms 2 to 8, a corridor up to 20). Default 22 */
     float max_innovation_sigmas;   /* distance from seed to result in units of the seed's sigma. Default 6 */
 
     /* surface */

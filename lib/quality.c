@@ -5,7 +5,7 @@ fathom_verdict judge(const fathom_config *c, const alignment *a, double innovati
     if (a->pairs < 6 || a->pairs < min_pairs) return FATHOM_VERDICT_FEW_PAIRS;
     if (a->pairs < c->min_overlap * a->overlap) return FATHOM_VERDICT_OVERLAP;
     if (!(a->rms <= c->max_rms_m)) return FATHOM_VERDICT_RESIDUAL;
-    if (!(a->condition <= c->max_condition)) return FATHOM_VERDICT_CONDITION;
+    if (c->prior == FATHOM_PRIOR_SEED && !(a->condition <= c->max_condition)) return FATHOM_VERDICT_CONDITION;
     if (!(innovation <= c->max_innovation_sigmas)) return FATHOM_VERDICT_INNOVATION;
     return FATHOM_VERDICT_TRACKING;
 }

@@ -38,47 +38,61 @@ static Matrix6 about(const Vector3d &shift) {
     return j;
 }
 
-bool solve_alignment(const normal_equations *e, solution *s) {
+bool solve_alignment(const normal_equations *e, const solve_prior *prior, solution *s) {
     *s = solution{};
     s->condition = INFINITY;
     Eigen::Map<const Matrix6> ata(e->ata);
     Eigen::Map<const Vector6> atb(e->atb);
     if (!(e->weight > 0) || !ata.allFinite() || !atb.allFinite() || !std::isfinite(e->btb)) return false;
-    if (!std::isfinite(e->weight) || !std::isfinite(e->point_squared)) return false;
 
     /* Centre on the pairs and scale lengths by their spread, so that kappa depends neither on the origin nor on metres
      * against radians: columns of A for rotation are divided by the spread, those for translation stay. */
     Vector3d mean = Eigen::Map<const Vector3d>(e->point) / e->weight;
     double spread = std::sqrt(std::max(e->point_squared / e->weight - mean.squaredNorm(), 1e-12));
-    Matrix6 j = about(mean);
     Vector6 scale;
     scale << 1 / spread, 1 / spread, 1 / spread, 1, 1, 1;
     Matrix6 to_reference =
-        j * scale.asDiagonal(); /* x about centre = to_reference * (scaled x about the mean) */
+        about(mean) * scale.asDiagonal(); /* x about centre = to_reference * scaled x about mean */
+    Matrix6 to_origin = about(Eigen::Map<const Vector3d>(e->centre)) * to_reference;
     Matrix6 h = to_reference.transpose() * ata * to_reference;
     Vector6 g = to_reference.transpose() * atb;
     h = 0.5 * (h + h.transpose()).eval();
 
     Eigen::JacobiSVD<Eigen::Matrix<double, 6, 6>> svd(h, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const auto &v = svd.matrixV();
     Vector6 squared = svd.singularValues(); /* of A^T A: the squares of A's */
+    Vector6 projected = svd.matrixU().transpose() * g;
     double largest = squared[0];
     Vector6 y = Vector6::Zero();
     Matrix6 covariance = Matrix6::Zero();
-    Vector6 projected = svd.matrixU().transpose() * g;
     for (int i = 0; i < 6; i++) {
         s->singular[i] = std::sqrt(std::max(squared[i], 0.0));
-        bool free_direction = !(squared[i] > 1e-12 * largest);
-        if (!free_direction) y += svd.matrixV().col(i) * (projected[i] / squared[i]);
-        double variance = 1 / std::max(squared[i], 1e-9 * largest);
-        covariance += variance * svd.matrixV().col(i) * svd.matrixV().col(i).transpose();
+        if (squared[i] > 1e-12 * largest) y += v.col(i) * (projected[i] / squared[i]);
+        covariance += v.col(i) * v.col(i).transpose() / std::max(squared[i], 1e-9 * largest);
     }
     s->condition = s->singular[5] > 0 ? s->singular[0] / s->singular[5] : INFINITY;
     s->residual = std::max(e->btb - 2 * y.dot(g) + y.dot(h * y), 0.0);
 
-    Matrix6 to_origin = about(Eigen::Map<const Vector3d>(e->centre)) * to_reference;
+    if (prior && e->pairs > 6) {
+        /* a pair's variance from what is left over; 10 um at least, for scans without noise */
+        double variance = std::max(s->residual / (e->pairs - 6), 1e-10) * prior->correlated;
+        double noise = largest / (prior->max_condition * prior->max_condition);
+        Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;
+        Vector6 right = joint * to_origin.inverse() * Eigen::Map<const Vector6>(prior->mean);
+        for (int i = 0; i < 6; i++) {
+            double information = std::max(squared[i] - noise, 0.0) / variance;
+            joint += information * v.col(i) * v.col(i).transpose();
+            if (squared[i] > 1e-12 * largest) right += v.col(i) * (information * projected[i] / squared[i]);
+        }
+        Eigen::LDLT<Eigen::Matrix<double, 6, 6>> factor(joint);
+        y = factor.solve(right);
+        covariance = factor.solve(Matrix6::Identity());
+        s->residual = std::max(e->btb - 2 * y.dot(g) + y.dot(h * y), 0.0);
+    }
+
     Eigen::Map<Vector6> twist(s->twist);
     twist = to_origin * y;
     Eigen::Map<Matrix6> out(s->covariance);
     out = to_origin * covariance * to_origin.transpose();
-    return twist.allFinite();
+    return twist.allFinite() && out.allFinite();
 }

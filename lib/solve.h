@@ -34,9 +34,21 @@ typedef struct {
 /* Adds one strip's sums, as the kernel wrote them, in double precision. */
 void normal_equations_add(normal_equations *e, const float *sums);
 
-/* Solves by singular value decomposition. Directions whose singular value is below 1e-6 of the largest are left alone
- * (minimum norm). False when there is nothing to solve: no pairs, or sums that aren't finite. */
-bool solve_alignment(const normal_equations *e, solution *s);
+/* What inertia says of the twist: mean and information (inverse covariance). */
+typedef struct {
+    double mean[6];
+    double information[36]; /* row-major */
+    double
+        max_condition; /* directions of A with a singular value below largest / max_condition tell nothing: on a bare
+                               wall that much comes from the noise of the normals alone */
+    double correlated; /* so many pairs count as one beside the prior */
+} solve_prior;
+
+/* Solves by singular value decomposition. Without a prior (NULL), directions whose singular value is below 1e-6 of the
+ * largest are left alone (minimum norm). With one, its information is added to the pairs', from which the share that
+ * noise makes is taken off first, so that what geometry leaves free is held by inertia; covariance is then the joint one,
+ * in true units. False when there is nothing to solve: no pairs, or sums that aren't finite. */
+bool solve_alignment(const normal_equations *e, const solve_prior *prior, solution *s);
 
 #ifdef __cplusplus
 }

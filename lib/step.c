@@ -57,20 +57,24 @@ static double position_sigma(const double covariance[36]) {
 
 /* Aligns the scan with the surface as it looks from the seed, or with the last accepted frame. icp->motion becomes a
  * pose, camera to world. */
-static void align_scan(fathom *f, const pose *seed, double seed_sigma_m, const int *budget, int coarsest,
+static void align_scan(fathom *f, const pose *seed, const double predicted[36], const int *budget,
                        alignment *icp, fathom_result *r) {
-    bool against_model = f->config.against == FATHOM_AGAINST_MODEL;
+    const fathom_config *c = &f->config;
     double start = now_ms();
-    if (against_model) {
+    int coarsest = 0;
+    while (coarsest < FINEST && budget[coarsest] == 0) coarsest++;
+    align_seed from = {.sigma_m = position_sigma(predicted), .prior = c->prior == FATHOM_PRIOR_INFORMATION};
+    if (c->against == FATHOM_AGAINST_MODEL) {
         volume_raycast_near(&f->volume, &f->device, &f->maps, seed,
-                            align_reach(&f->aligner, coarsest, seed_sigma_m), &f->aligner.model[FINEST]);
+                            align_reach(&f->aligner, coarsest, from.sigma_m), &f->aligner.model[FINEST]);
         volume_halve_maps(&f->volume, &f->device, f->maps.camera, f->aligner.model, coarsest);
         device_wait(&f->device);
         f->reference = *seed;
     }
     double cast = now_ms();
-    pose motion = pose_between(&f->reference, seed);
-    align(&f->aligner, &f->device, &f->maps, &motion, budget, seed_sigma_m, icp);
+    from.motion = pose_between(&f->reference, seed);
+    memcpy(from.covariance, predicted, sizeof from.covariance);
+    align(&f->aligner, &f->device, &f->maps, &from, budget, icp);
     icp->motion = pose_multiply(&f->reference, &icp->motion);
     pose_normalise(&icp->motion);
     r->ms_raycast = (float)(cast - start);
@@ -139,11 +143,8 @@ static void next_step(fathom *f, fathom_result *r) {
     propagate(f->covariance, &d, predicted);
     r->seeded = position_sigma(predicted) < c->seeded_sigma_m;
     const int *budget = r->seeded ? c->seeded_iterations : c->iterations;
-    int coarsest = 0;
-    while (coarsest < FINEST && budget[coarsest] == 0) coarsest++;
-
     alignment icp;
-    align_scan(f, &seed, position_sigma(predicted), budget, coarsest, &icp, r);
+    align_scan(f, &seed, predicted, budget, &icp, r);
     report_alignment(&icp, r);
     pose correction = pose_between(&seed, &icp.motion);
     pose_log(&correction, twist);

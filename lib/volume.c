@@ -100,7 +100,8 @@ void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_
         device_unmap(d, &v->table, table);
         device_unmap(d, &v->requests, requests);
         cl_int first = before;
-        RUN(d, v->clear, (size_t)(v->count - before), BLOCK_BYTES / 16, 0, ARG(first), ARG(v->voxels.memory));
+        /* a group of one: PoCL compiles a kernel anew for each size of group, and would choose by the count */
+        RUN(d, v->clear, (size_t)(v->count - before), BLOCK_BYTES / 16, 1, ARG(first), ARG(v->voxels.memory));
     }
     device_unmap(d, &v->counts, counts);
 }
@@ -120,7 +121,7 @@ void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pos
     kernel_rigid to_camera = kernel_rigid_of(&inverse), to_world = kernel_rigid_of(camera_to_world);
     size_t tiles = (size_t)((camera->width + TILE - 1) / TILE) * (size_t)((camera->height + TILE - 1) / TILE);
     RUN(d, v->clear_ranges, tiles, 1, 0, ARG(v->ranges.memory));
-    RUN(d, v->range_blocks, (size_t)v->count, 1, 0, ARG(v->blocks.memory), ARG(*camera), ARG(to_camera),
+    RUN(d, v->range_blocks, (size_t)v->count, 1, 1, ARG(v->blocks.memory), ARG(*camera), ARG(to_camera),
         ARG(v->surface.voxel), ARG(near_m), ARG(far_m), ARG(v->ranges.memory));
     RUN(d, v->raycast, (size_t)camera->width, (size_t)camera->height, 0, ARG(v->voxels.memory),
         ARG(v->table.memory), ARG(v->surface), ARG(*camera), ARG(to_world), ARG(v->ranges.memory),

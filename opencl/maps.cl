@@ -57,7 +57,9 @@ kernel void convert_depth(global const ushort *raw, depth_source s, camera c, fl
             sum += select((float8)(0.0f), z, keep);
             count += select((float8)(0.0f), (float8)(1.0f), keep);
         }
-    vstore8(select((float8)(0.0f), sum / count, count > 0.0f), 0, depth + AT(c, x, y));
+    float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
+    int8 good = count > 0.0f && lane < (float)(c.width - x); /* distortion can bring depth into the margin */
+    vstore8(select((float8)(0.0f), sum / count, good), 0, depth + AT(c, x, y));
 }
 
 /* Edge-preserving smoothing over 5x5 pixels: weights fall with the distance in the image (binomial) and with the
