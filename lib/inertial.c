@@ -11,6 +11,7 @@
 #define STILL_ACCEL_CHANGE 0.25 /* m/s^2, the same */
 #define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
 #define SIGMA_MOST 1e3          /* rad and m: nothing is known */
+#define COAST_SECONDS 10.0      /* no hand keeps its velocity for longer */
 
 static unsigned ring_capacity(const fathom_config *c) {
     unsigned n = 64, wanted = c->imu_capacity > 0 ? (unsigned)c->imu_capacity : 4096;
@@ -194,7 +195,8 @@ int inertial_estimate(inertial *n, const pose *at, int64_t from_ns, int64_t to_n
     bool gyro = c->imu && n->count > 1;
     if (!gyro && n->corrected_ns == INT64_MIN) return FATHOM_ERROR_NO_DATA;
     int64_t early = from_ns < to_ns ? from_ns : to_ns, late = from_ns < to_ns ? to_ns : from_ns;
-    double dt = 1e-9 * (double)(late - early), signed_dt = from_ns < to_ns ? dt : -dt;
+    double dt = 1e-9 * (double)(late - early),
+           coasting = copysign(fmin(dt, COAST_SECONDS), from_ns < to_ns ? 1 : -1);
 
     pose m = pose_identity();
     double sigma_r, uncovered = dt;
@@ -217,7 +219,7 @@ int inertial_estimate(inertial *n, const pose *at, int64_t from_ns, int64_t to_n
     sigma_t = fmin(sigma_t, SIGMA_MOST);
     for (int i = 0; i < 3 && c->imu_translation;
          i++) /* world velocity in the axes of the camera at from_ns */
-        for (int j = 0; j < 3; j++) m.t[i] += at->r[3 * j + i] * n->velocity[j] * signed_dt;
+        for (int j = 0; j < 3; j++) m.t[i] += at->r[3 * j + i] * n->velocity[j] * coasting;
 
     out->motion = m;
     memset(out->covariance, 0, sizeof out->covariance);

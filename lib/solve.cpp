@@ -44,6 +44,7 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
     Eigen::Map<const Matrix6> ata(e->ata);
     Eigen::Map<const Vector6> atb(e->atb);
     if (!(e->weight > 0) || !ata.allFinite() || !atb.allFinite() || !std::isfinite(e->btb)) return false;
+    if (!std::isfinite(e->weight) || !std::isfinite(e->point_squared)) return false;
 
     /* Centre on the pairs and scale lengths by their spread, so that kappa depends neither on the origin nor on metres
      * against radians: columns of A for rotation are divided by the spread, those for translation stay. */

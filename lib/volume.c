@@ -1,5 +1,6 @@
 #include "volume.h"
 
+#include <math.h>
 #include <string.h>
 
 /* The table has at least two entries a block, so that a search ends soon. */
@@ -132,6 +133,7 @@ void volume_raycast_near(volume *v, device *d, depth_maps *maps, const pose *cam
                          device_buffer *model) {
     const kernel_camera *camera = &maps->camera[FINEST];
     kernel_rigid to_world = kernel_rigid_of(camera_to_world);
+    reach_m = fminf(reach_m, maps->source.max_m); /* a seed that knows nothing must not make rays endless */
     RUN(d, v->raycast_near, (size_t)camera->width, (size_t)camera->height, 0, ARG(v->voxels.memory),
         ARG(v->table.memory), ARG(v->surface), ARG(*camera), ARG(to_world), ARG(maps->depth[FINEST].memory),
         ARG(reach_m), ARG(model->memory));

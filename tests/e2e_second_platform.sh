@@ -19,7 +19,7 @@ if [ ! -e "$venv/complete" ]; then
     rm -rf "$venv"
     log=$build/second-platform.log
     python3 -m venv "$venv" >"$log" 2>&1 || skip "no environment can be made: $(tail -n 1 "$log")"
-    timeout 300 "$venv/bin/pip" --disable-pip-version-check install intel-opencl-rt intel-cmplr-lib-rt >>"$log" 2>&1 ||
+    timeout 300 "$venv/bin/pip" --disable-pip-version-check --retries 2 --timeout 20 install intel-opencl-rt intel-cmplr-lib-rt >>"$log" 2>&1 ||
         skip "the runtime can't be installed: $(grep -i error "$log" | tail -n 1)"
     : >"$venv/complete"
 fi

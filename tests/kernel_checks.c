@@ -17,6 +17,7 @@ const kernel_check kernel_checks[] = {
     {"clear_ranges", check_clear_ranges},
     {"range_blocks", check_range_blocks},
     {"raycast", check_raycast},
+    {"raycast_near", check_raycast_near},
     {"count_triangles", check_count_triangles},
     {"emit_triangles", check_emit_triangles},
     {"all of them, on a real frame", check_real_frame},

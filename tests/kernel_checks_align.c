@@ -6,7 +6,7 @@
 
 /* A term is a product of five factors, each known to a few units in the last place (6e-8), and up to some twenty of them
  * are added one after the other. */
-#define SUM_TOLERANCE 1e-6
+#define SUM_TOLERANCE 5e-8
 
 void compare_align_reduce(bench *b, const float *depth, float *normals, const kernel_camera *c,
                           const float *model, const kernel_camera *mc, const kernel_rigid *motion,

@@ -234,6 +234,7 @@ void bench_volume_make(bench_volume *v, int capacity, float voxel, float truncat
     v->blocks = bench_alloc((size_t)capacity * sizeof *v->blocks);
     v->table = bench_alloc((size_t)v->entries * sizeof *v->table);
     v->voxels = bench_alloc((size_t)capacity * BLOCK_BYTES);
+    for (int i = 0; i < capacity; i++) ref_clear_blocks(i, 1, v->voxels);
     memset(v->table, 0xff, (size_t)v->entries * sizeof *v->table);
 }
 

@@ -107,8 +107,8 @@ void bench_volume_upload(bench *b, bench_volume *v);
 
 /* A signed distance, positive outside, in metres. */
 typedef double (*bench_shape)(const double p[3]);
-double
-bench_ball(const double p[3]); /* radius 0.23 about (0.02, -0.03, 0.9), in front of a wall at z = 1.4 */
+/* radius 0.23 about (0.02, -0.03, 0.9), in front of a wall at z = 1.4 */
+double bench_ball(const double p[3]);
 #define BENCH_SHIFT 8
 double bench_ball_shifted(const double p[3]); /* the same, moved by BENCH_SHIFT along each axis */
 /* Adds the blocks within low..high (metres) that come within a truncation of the shape, all voxels seen. */
@@ -135,9 +135,17 @@ void compare_fuse_blocks(bench *b, const float *scan, const kernel_camera *c, cl
                          const kernel_rigid *world_to_camera, bench_volume *v, float max_weight);
 void compare_ranges(bench *b, bench_volume *v, const kernel_camera *c, const kernel_rigid *world_to_camera,
                     float near_m, float far_m);
-/* truth: the shape that the volume holds, or NULL. allowed: the share of unambiguous pixels that may differ. */
-void compare_raycast(bench *b, bench_volume *v, const kernel_camera *c, const pose *camera_to_world,
-                     float near_m, float far_m, bench_shape truth, double allowed);
+/* What is cast from where, and what is asked of it. */
+typedef struct {
+    kernel_camera c;
+    pose camera_to_world;
+    float near_m, far_m;
+    const float *scan; /* raycast_near, within reach of these depths; NULL: raycast */
+    float reach;
+    bench_shape truth; /* the shape that the volume holds, or NULL */
+    double allowed;    /* the share of unambiguous pixels that may differ */
+} bench_view;
+void compare_raycast(bench *b, bench_volume *v, const bench_view *view);
 /* Counts, and with emit also what they are. */
 void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit);
 
@@ -155,6 +163,7 @@ check_result check_fuse_blocks(device *d, char *why, size_t size);
 check_result check_clear_ranges(device *d, char *why, size_t size);
 check_result check_range_blocks(device *d, char *why, size_t size);
 check_result check_raycast(device *d, char *why, size_t size);
+check_result check_raycast_near(device *d, char *why, size_t size);
 check_result check_count_triangles(device *d, char *why, size_t size);
 check_result check_emit_triangles(device *d, char *why, size_t size);
 check_result check_real_frame(device *d, char *why, size_t size);

@@ -18,7 +18,7 @@ static cl_mem make_ranges(bench *b, bench_volume *v, const kernel_camera *c,
     cl_mem ranges = bench_buffer(b, (size_t)tiles_of(c) * 2 * sizeof(float), NULL);
     cl_float voxel = v->surface.voxel;
     LAUNCH(b, "clear_ranges", (size_t)tiles_of(c), 1, 0, ARG(ranges));
-    LAUNCH(b, "range_blocks", (size_t)v->count, 1, 0, ARG(v->blocks_memory), ARG(*c), ARG(*world_to_camera),
+    LAUNCH(b, "range_blocks", (size_t)v->count, 1, 1, ARG(v->blocks_memory), ARG(*c), ARG(*world_to_camera),
            ARG(voxel), ARG(near_m), ARG(far_m), ARG(ranges));
     return ranges;
 }
@@ -102,24 +102,48 @@ static double off_truth(const bench_volume *v, const kernel_camera *c, const ker
     return fabs(truth(world)) / v->surface.voxel;
 }
 
-void compare_raycast(bench *b, bench_volume *v, const kernel_camera *c, const pose *camera_to_world,
-                     float near_m, float far_m, bench_shape truth, double allowed) {
+/* Runs the kernel, and the reference; doubt: a byte a pixel. */
+static void cast(bench *b, bench_volume *v, const bench_view *view, float *got, float *want, float *full,
+                 uint8_t *doubt) {
+    const kernel_camera *c = &view->c;
     size_t bytes = (size_t)c->width * (size_t)c->height * 16;
-    pose inverse = pose_inverse(camera_to_world);
-    kernel_rigid to_world = kernel_rigid_of(camera_to_world), to_camera = kernel_rigid_of(&inverse);
-    float *got = bench_alloc(bytes), *want = bench_alloc(bytes);
+    pose inverse = pose_inverse(&view->camera_to_world);
+    kernel_rigid to_world = kernel_rigid_of(&view->camera_to_world), to_camera = kernel_rigid_of(&inverse);
     memset(got, 0xff, bytes);
     bench_volume_upload(b, v);
-    cl_mem ranges = make_ranges(b, v, c, &to_camera, near_m, far_m), model = bench_buffer(b, bytes, got);
-    LAUNCH(b, "raycast", (size_t)c->width, (size_t)c->height, 0, ARG(v->voxels_memory), ARG(v->table_memory),
-           ARG(v->surface), ARG(*c), ARG(to_world), ARG(ranges), ARG(model));
+    cl_mem model = bench_buffer(b, bytes, got);
+    if (view->scan) {
+        cl_mem scan = bench_buffer(b, (size_t)c->plane * 4, view->scan);
+        LAUNCH(b, "raycast_near", (size_t)c->width, (size_t)c->height, 0, ARG(v->voxels_memory),
+               ARG(v->table_memory), ARG(v->surface), ARG(*c), ARG(to_world), ARG(scan), ARG(view->reach),
+               ARG(model));
+    } else {
+        cl_mem ranges = make_ranges(b, v, c, &to_camera, view->near_m, view->far_m);
+        LAUNCH(b, "raycast", (size_t)c->width, (size_t)c->height, 0, ARG(v->voxels_memory),
+               ARG(v->table_memory), ARG(v->surface), ARG(*c), ARG(to_world), ARG(ranges), ARG(model));
+    }
     bench_read(b, model, got, bytes);
     bench_free(b);
 
     ref_volume reference;
     ref_volume_open(&reference, v->blocks, v->count, v->voxels, &v->surface);
-    ref_raycast(&reference, c, &to_world, near_m, far_m, want);
+    ref_raycast(&reference, c, &to_world, view->near_m, view->far_m, full);
+    if (view->scan)
+        ref_raycast_near(&reference, c, &to_world, view->scan, view->reach, v->surface.voxel / 2, want,
+                         doubt);
+    else
+        memcpy(want, full, bytes);
     ref_volume_close(&reference);
+}
+
+void compare_raycast(bench *b, bench_volume *v, const bench_view *view) {
+    const kernel_camera *c = &view->c;
+    size_t bytes = (size_t)c->width * (size_t)c->height * 16;
+    kernel_rigid to_world = kernel_rigid_of(&view->camera_to_world);
+    float *got = bench_alloc(bytes), *want = bench_alloc(bytes), *full = bench_alloc(bytes);
+    uint8_t *doubt = bench_alloc(bytes / 16);
+    cast(b, v, view, got, want, full, doubt);
+    const char *name = view->scan ? "raycast_near" : "raycast";
     int sure = 0, wrong = 0, hits = 0;
     char first[160] = "";
     for (int i = 0; i < c->width * c->height; i++) {
@@ -127,17 +151,17 @@ void compare_raycast(bench *b, bench_volume *v, const kernel_camera *c, const po
         const float *g = got + 4 * i, *w = want + 4 * i;
         /* everywhere: nothing at all, or a unit normal towards the camera */
         double length = sqrt((double)g[0] * g[0] + (double)g[1] * g[1] + (double)g[2] * g[2]);
-        bool hit = g[3] > 0;
+        bool hit = g[3] > 0, surface = w[3] > 0;
         if (!bench_near(b, "raycast: length of the normal", x, y, length, hit, 1e-5)) break;
-        int surface = sure_surface(want, c, x, y, v->surface.voxel);
-        if (surface < 0) continue;
+        bool blank = view->scan && view->scan[ref_at(c, x, y)] == 0;
+        if (doubt[i] || (!blank && sure_surface(full, c, x, y, v->surface.voxel) < 0)) continue;
         sure++;
         double miss = hit && surface ? fabs(g[3] - w[3]) / v->surface.voxel : 0;
-        double off = hit && truth ? off_truth(v, c, &to_world, x, y, g[3], truth) : 0;
+        double off = hit && view->truth ? off_truth(v, c, &to_world, x, y, g[3], view->truth) : 0;
         double cosine = hit && surface ? (double)g[0] * w[0] + (double)g[1] * w[1] + (double)g[2] * w[2] : 1;
         /* in depth, a ray that meets the surface at a slant (a cosine above 0.3) magnifies it */
         bool bad = hit != surface || miss > HIT_TOLERANCE / 0.3 ||
-                   (truth && (off > 2 * HIT_TOLERANCE || cosine < 0.99));
+                   (view->truth && (off > 2 * HIT_TOLERANCE || cosine < 0.99));
         if (bad && !wrong++)
             snprintf(first, sizeof first,
                      "%d, %d: depth %.6f where the reference has %.6f, cosine of the normals %.4f", x, y,
@@ -145,36 +169,86 @@ void compare_raycast(bench *b, bench_volume *v, const kernel_camera *c, const po
         hits += hit;
     }
     b->compared += sure;
-    if (wrong > allowed * sure)
-        bench_fail(b, "raycast: %d of %d pixels differ; the first at %s", wrong, sure, first);
-    if (truth && hits < sure / 4) bench_fail(b, "raycast: only %d of %d pixels see a surface", hits, sure);
+    if (wrong > view->allowed * sure)
+        bench_fail(b, "%s: %d of %d pixels differ; the first at %s", name, wrong, sure, first);
+    if (view->truth && !view->scan && hits < sure / 4)
+        bench_fail(b, "%s: only %d of %d pixels see a surface", name, hits, sure);
     free(got);
     free(want);
+    free(full);
+    free(doubt);
 }
 
-check_result check_raycast(device *d, char *why, size_t size) {
+/* What a camera would measure of the volume, with errors of up to 6 cm, holes, and a place that the surface is far from. */
+static float *scan_of(bench *b, bench_volume *v, const bench_view *view) {
+    const kernel_camera *c = &view->c;
+    float *scan = bench_plane(c, 1, 0), *full = bench_alloc((size_t)c->width * (size_t)c->height * 16);
+    kernel_rigid to_world = kernel_rigid_of(&view->camera_to_world);
+    ref_volume reference;
+    ref_volume_open(&reference, v->blocks, v->count, v->voxels, &v->surface);
+    ref_raycast(&reference, c, &to_world, view->near_m, view->far_m, full);
+    ref_volume_close(&reference);
+    for (int i = 0; i < c->width * c->height; i++) {
+        int x = i % c->width, y = i / c->width;
+        double z = full[4 * i + 3] > 0 ? full[4 * i + 3] + bench_random(b, -0.06, 0.06) : 1;
+        if (x > 3 * c->width / 4 && y > c->height / 2) z = 0.6;
+        scan[ref_at(c, x, y)] = bench_random_int(b, 0, 9) ? (float)z : 0;
+    }
+    free(full);
+    return scan;
+}
+
+static check_result raycasts(device *d, char *why, size_t size, bool near_scan) {
     bench b;
     const image_size *sizes;
     bench_start(&b, d, why, size);
     int count = bench_sizes(&b, &sizes);
     bench_shape ball = b.small ? bench_ball_shifted : bench_ball;
-    const double low[3] = {b.shift - 0.6, b.shift - 0.6, b.shift + 0.5},
-                 high[3] = {b.shift + 0.6, b.shift + 0.6, b.shift + 1.5};
-    bench_volume v, none;
-    bench_volume_make(&v, 4000, b.small ? 0.02f : 0.01f, b.small ? 0.08f : 0.04f);
-    bench_volume_make(&none, 1, 0.01f, 0.04f);
+    /* so wide that its rim isn't in view: there, too, the outcome hangs on where samples fall */
+    const double low[3] = {b.shift - 1.3, b.shift - 1.3, b.shift + 0.5},
+                 high[3] = {b.shift + 1.3, b.shift + 1.3, b.shift + 1.5};
+    bench_volume v, none, front; /* whole; nothing; only what lies before the surface has been seen */
+    float voxel = b.small ? 0.02f : 0.01f, truncation = 4 * voxel;
+    bench_volume_make(&v, 6000, voxel, truncation);
+    bench_volume_make(&none, 1, voxel, truncation);
+    bench_volume_make(&front, 6000, voxel, truncation);
     bench_volume_fill(&v, ball, low, high);
-    for (int i = 0; i < count * 3; i++) { /* from the front, from behind the wall, and at nothing */
-        kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
-        pose at = bench_motion(&b, 0.1, 0.1);
-        for (int k = 0; k < 3; k++) at.t[k] += b.shift;
-        if (i / count == 1) at.t[2] += 3; /* away from it: no back side may be seen */
-        bool front = i / count == 0 && c.height > 3;
-        compare_raycast(&b, i / count < 2 ? &v : &none, &c, &at, 0.3f, 3, front ? ball : NULL, 0);
+    bench_volume_fill(&front, ball, low, high);
+    for (int i = 0; i < front.count * BLOCK_VOXELS; i++) {
+        int16_t *data = front.voxels + i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + i % BLOCK_VOXELS;
+        if (*data > 0) continue;
+        *data = REF_NEVER_SEEN;
+        data[BLOCK_VOXELS] = 0;
+    }
+    bench_volume *volumes[4] = {&v, &v, &none, &front};
+    for (int i = 0; i < count * 4; i++) {
+        bench_view view = {.c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height)};
+        int kind = i / count;
+        view.camera_to_world = bench_motion(&b, 0.1, 0.1);
+        view.near_m = 0.1f;
+        view.far_m = 3;
+        view.reach = (i % 2 ? 10 : 3) * voxel; /* more than a truncation, and less */
+        for (int k = 0; k < 3; k++) view.camera_to_world.t[k] += b.shift;
+        if (kind == 1)
+            view.camera_to_world.t[2] += 0.9; /* within the ball, whose back side isn't seen: the wall is */
+        if (kind < 2 && view.c.height > 3) view.truth = ball;
+        float *scan = near_scan ? scan_of(&b, &v, &view) : NULL;
+        view.scan = scan;
+        compare_raycast(&b, volumes[kind], &view);
+        free(scan);
     }
     bench_volume_free(&v);
     bench_volume_free(&none);
+    bench_volume_free(&front);
     return bench_end(&b);
+}
+
+check_result check_raycast(device *d, char *why, size_t size) {
+    return raycasts(d, why, size, false);
+}
+
+check_result check_raycast_near(device *d, char *why, size_t size) {
+    return raycasts(d, why, size, true);
 }
 
 /* ---- triangles ------------------------------------------------------------------------------------------------------ */
@@ -192,7 +266,7 @@ void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit) {
     int *got = bench_alloc(count_bytes), *want = bench_alloc(count_bytes),
         *offsets = bench_alloc(count_bytes), sum = 0;
     cl_mem table = bench_buffer(b, sizeof cases, cases), counts = bench_buffer(b, count_bytes, NULL);
-    LAUNCH(b, "count_triangles", blocks, 1, 0, ARG(v->voxels_memory), ARG(v->table_memory), ARG(f),
+    LAUNCH(b, "count_triangles", blocks, 1, 1, ARG(v->voxels_memory), ARG(v->table_memory), ARG(f),
            ARG(v->blocks_memory), ARG(table), ARG(first), ARG(counts));
     bench_read(b, counts, got, count_bytes);
     ref_count_triangles(&reference, cases, first, (int)blocks, want);
@@ -206,7 +280,7 @@ void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit) {
         float *vertices = bench_alloc(bytes), *expected = bench_alloc(bytes);
         memset(vertices, 0xff, bytes);
         cl_mem start = bench_buffer(b, count_bytes, offsets), out = bench_buffer(b, bytes, vertices);
-        LAUNCH(b, "emit_triangles", blocks, 1, 0, ARG(v->voxels_memory), ARG(v->table_memory), ARG(f),
+        LAUNCH(b, "emit_triangles", blocks, 1, 1, ARG(v->voxels_memory), ARG(v->table_memory), ARG(f),
                ARG(v->blocks_memory), ARG(table), ARG(first), ARG(start), ARG(out));
         bench_read(b, out, vertices, bytes);
         ref_emit_triangles(&reference, cases, first, (int)blocks, expected);
@@ -232,23 +306,23 @@ void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit) {
 static check_result triangles(device *d, char *why, size_t size, bool emit) {
     bench b;
     bench_start(&b, d, why, size);
-    for (int i = 0; i < 3; i++) { /* a smooth surface; anything, with holes; nothing */
+    for (int i = 0; i < 4; i++) { /* a smooth surface; anything, with holes, twice; nothing */
         const double low[3] = {-0.3, -0.3, 0.6}, high[3] = {0.3, 0.3, 1.5};
         bench_volume v;
         bench_volume_make(&v, 2000, b.small ? 0.04f : 0.02f, b.small ? 0.08f : 0.04f);
         if (i == 0) bench_volume_fill(&v, bench_ball, low, high);
-        for (int k = 0; k < (b.small ? 4 : 40) && i == 1; k++) {
+        for (int k = 0; k < (b.small ? 4 : 40) && (i == 1 || i == 2); k++) {
             int16_t *data = v.voxels + (size_t)bench_volume_add(&v, bench_random_int(&b, -2, 2),
                                                                 bench_random_int(&b, -2, 2),
                                                                 bench_random_int(&b, -2, 2)) *
                                            2 * BLOCK_VOXELS;
             for (int j = 0; j < BLOCK_VOXELS; j++) {
-                data[j] = (int16_t)bench_random_int(&b, -32767, 32767);
-                data[BLOCK_VOXELS + j] =
-                    (int16_t)(bench_random_int(&b, 0, 30) ? bench_random_int(&b, 1, 6400) : 0);
+                bool seen = bench_random_int(&b, 0, 30);
+                data[j] = (int16_t)(seen ? bench_random_int(&b, -32767, 32767) : REF_NEVER_SEEN);
+                data[BLOCK_VOXELS + j] = (int16_t)(seen ? bench_random_int(&b, 1, 6400) : 0);
             }
         }
-        if (i == 2) bench_volume_add(&v, 0, 0, 0);
+        if (i == 3) bench_volume_add(&v, 0, 0, 0);
         compare_triangles(&b, &v, i == 1 ? 127.5f : 0, emit);
         bench_volume_free(&v);
     }

@@ -93,7 +93,7 @@ check_result check_clear_blocks(device *d, char *why, size_t size) {
         int16_t *want = bench_alloc(BLOCKS * BLOCK_BYTES), *got = bench_alloc(BLOCKS * BLOCK_BYTES);
         for (int k = 0; k < BLOCKS * BLOCK_BYTES / 2; k++) want[k] = (int16_t)bench_random_int(&b, 1, 30000);
         cl_mem voxels = bench_buffer(&b, BLOCKS * BLOCK_BYTES, want);
-        LAUNCH(&b, "clear_blocks", (size_t)ranges[i][1], BLOCK_BYTES / 16, 0, ARG(first), ARG(voxels));
+        LAUNCH(&b, "clear_blocks", (size_t)ranges[i][1], BLOCK_BYTES / 16, 1, ARG(first), ARG(voxels));
         bench_read(&b, voxels, got, BLOCKS * BLOCK_BYTES);
         ref_clear_blocks(first, ranges[i][1], want);
         bench_compare_bytes(&b, "clear_blocks", got, want, BLOCKS * BLOCK_BYTES);
@@ -169,7 +169,7 @@ static void blocks_about(bench *b, bench_volume *v, const float *depth, const ke
         int16_t *data = v->voxels + (size_t)place * 2 * BLOCK_VOXELS;
         for (int i = 0; i < BLOCK_VOXELS; i++) {
             int history = bench_random_int(b, 0, 3);
-            data[i] = (int16_t)(history ? bench_random_int(b, -32767, 32767) : 0);
+            data[i] = (int16_t)(history ? bench_random_int(b, -32767, 32767) : REF_NEVER_SEEN);
             data[BLOCK_VOXELS + i] = (int16_t)(history == 3 ? 6400
                                                : history    ? bench_random_int(b, 1, 6400)
                                                             : 0);

@@ -12,6 +12,8 @@
 
 #include "../lib/kernel_types.h"
 
+#define REF_NEVER_SEEN INT16_MIN /* a voxel's stored distance before the first frame reaches it */
+
 /* a < b, in doubt when they differ by slack or less. */
 bool ref_below(double a, double b, double slack, bool *doubt);
 /* The greatest integer not above v, in doubt when v is within slack of an integer. */
@@ -88,6 +90,10 @@ void ref_range_blocks(const cl_int4 *blocks, int count, const kernel_camera *c,
 /* Every ray is followed from near_m to far_m in steps of a fifth of a voxel. model: normal and depth. */
 void ref_raycast(ref_volume *v, const kernel_camera *c, const kernel_rigid *camera_to_world, double near_m,
                  double far_m, float *model);
+/* The first crossing within reach of a scan's depth (padded), nothing where it has none. In doubt where it lies within
+ * slack of the ends. */
+void ref_raycast_near(ref_volume *v, const kernel_camera *c, const kernel_rigid *camera_to_world,
+                      const float *scan, double reach, double slack, float *model, uint8_t *doubt);
 /* Triangles of blocks first..first+count-1. cases: surface_cases(). */
 void ref_count_triangles(ref_volume *v, const uint8_t *cases, int first, int count, int *counts);
 /* 18 floats a triangle, block after block. */

@@ -132,6 +132,11 @@ void ref_smooth_depth(const float *depth, const kernel_camera *c, cl_float2 nois
 
 /* ---- normals ---------------------------------------------------------------------------------------------------- */
 
+/* A neighbour farther off in depth is across an edge: this many sigma, and what a slope of 75 degrees makes (4). */
+#define EDGE_SIGMAS 4
+/* A bend of so many sigma halves the confidence. */
+#define BEND_SIGMAS 3
+
 /* Slope and bend along an axis, from the neighbours on the same surface. Returns how many there are. */
 static int slope(double before, double here, double after, double limit, double *rise, double *bend,
                  bool *doubt) {
@@ -149,7 +154,8 @@ void ref_normal_map(const float *depth, const kernel_camera *c, cl_float2 noise,
                     uint8_t *doubt) {
     for (int y = 0; y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
-            double z = known(depth, c, x, y), sigma = ref_sigma(noise, z), limit = 4 * sigma + 4 * z / c->fx;
+            double z = known(depth, c, x, y), sigma = ref_sigma(noise, z),
+                   limit = EDGE_SIGMAS * sigma + 4 * z / c->fx;
             double gx, gy, bend_x, bend_y, out[4] = {0, 0, 0, 0};
             bool unsure = false;
             int wide =
@@ -167,8 +173,8 @@ void ref_normal_map(const float *depth, const kernel_camera *c, cl_float2 noise,
                 double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
                 if (n[0] * u + n[1] * v + n[2] > 0) length = -length; /* towards the camera */
                 for (int i = 0; i < 3; i++) out[i] = n[i] / length;
-                double sigma_1m = ref_sigma(noise, 1),
-                       bend = (bend_x * bend_x + bend_y * bend_y) / (sigma * sigma);
+                double sigma_1m = ref_sigma(noise, 1), bend = (bend_x * bend_x + bend_y * bend_y) /
+                                                              (BEND_SIGMAS * sigma * BEND_SIGMAS * sigma);
                 out[3] = sigma_1m * sigma_1m / (sigma * sigma) / (1 + bend) * (wide + tall == 4 ? 1 : 0.25);
             }
             for (int i = 0; i < 4; i++) normals[i * c->plane + ref_at(c, x, y)] = (float)out[i];

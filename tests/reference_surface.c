@@ -90,30 +90,49 @@ static double first_crossing(ref_volume *v, const double origin[3], const double
     return 0;
 }
 
+/* What pixel x, y sees between two depths: normal and depth, or zeros. */
+static void cast_pixel(ref_volume *v, const kernel_camera *c, const kernel_rigid *camera_to_world, int x,
+                       int y, double near_m, double far_m, float out[4]) {
+    double origin[3] = {camera_to_world->x.s[3], camera_to_world->y.s[3], camera_to_world->z.s[3]};
+    double in_camera[3] = {(x - (double)c->cx) / c->fx, (y - (double)c->cy) / c->fy, 1};
+    double ray[3], p[3], g[3], n[3];
+    memset(out, 0, 4 * sizeof *out);
+    ref_rotate(camera_to_world, in_camera, ray);
+    double t = first_crossing(v, origin, ray, near_m, far_m);
+    if (t == 0) return;
+    for (int i = 0; i < 3; i++) p[i] = (origin[i] + ray[i] * t) / v->surface.voxel;
+    if (isnan(ref_volume_distance(v, p, g))) return;
+    double length = sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+    /* into the camera's axes: by the transpose of its rotation */
+    for (int i = 0; i < 3; i++)
+        n[i] = (camera_to_world->x.s[i] * g[0] + camera_to_world->y.s[i] * g[1] +
+                camera_to_world->z.s[i] * g[2]) /
+               length;
+    if (!(length > 1e-4 && n[0] * in_camera[0] + n[1] * in_camera[1] + n[2] < 0)) return;
+    for (int i = 0; i < 3; i++) out[i] = (float)n[i];
+    out[3] = (float)t;
+}
+
 void ref_raycast(ref_volume *v, const kernel_camera *c, const kernel_rigid *camera_to_world, double near_m,
                  double far_m, float *model) {
-    double origin[3] = {camera_to_world->x.s[3], camera_to_world->y.s[3], camera_to_world->z.s[3]};
-    for (int y = 0; y < c->height; y++)
-        for (int x = 0; x < c->width; x++) {
-            double in_camera[3] = {(x - (double)c->cx) / c->fx, (y - (double)c->cy) / c->fy, 1};
-            double ray[3], p[3], g[3], n[3];
-            float *out = model + 4 * (y * c->width + x);
-            memset(out, 0, 4 * sizeof *out);
-            ref_rotate(camera_to_world, in_camera, ray);
-            double t = first_crossing(v, origin, ray, near_m, far_m);
-            if (t == 0) continue;
-            for (int i = 0; i < 3; i++) p[i] = (origin[i] + ray[i] * t) / v->surface.voxel;
-            if (isnan(ref_volume_distance(v, p, g))) continue;
-            double length = sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
-            /* into the camera's axes: by the transpose of its rotation */
-            for (int i = 0; i < 3; i++)
-                n[i] = (camera_to_world->x.s[i] * g[0] + camera_to_world->y.s[i] * g[1] +
-                        camera_to_world->z.s[i] * g[2]) /
-                       length;
-            if (!(length > 1e-4 && n[0] * in_camera[0] + n[1] * in_camera[1] + n[2] < 0)) continue;
-            for (int i = 0; i < 3; i++) out[i] = (float)n[i];
-            out[3] = (float)t;
-        }
+    for (int i = 0; i < c->width * c->height; i++)
+        cast_pixel(v, c, camera_to_world, i % c->width, i / c->width, near_m, far_m, model + 4 * i);
+}
+
+void ref_raycast_near(ref_volume *v, const kernel_camera *c, const kernel_rigid *camera_to_world,
+                      const float *scan, double reach, double slack, float *model, uint8_t *doubt) {
+    memset(model, 0, (size_t)c->width * (size_t)c->height * 4 * sizeof *model);
+    for (int i = 0; i < c->width * c->height; i++) {
+        int x = i % c->width, y = i / c->width;
+        double z = scan[ref_at(c, x, y)];
+        float less[4], more[4];
+        doubt[i] = false;
+        if (z == 0) continue;
+        cast_pixel(v, c, camera_to_world, x, y, z - reach, z + reach, model + 4 * i);
+        cast_pixel(v, c, camera_to_world, x, y, z - reach + slack, z + reach - slack, less);
+        cast_pixel(v, c, camera_to_world, x, y, z - reach - slack, z + reach + slack, more);
+        doubt[i] = (less[3] > 0) != (more[3] > 0);
+    }
 }
 
 /* ---- marching cubes ------------------------------------------------------------------------------------------------ */

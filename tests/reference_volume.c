@@ -63,7 +63,9 @@ double ref_volume_voxel(ref_volume *v, int x, int y, int z) {
     int at = ((z - BLOCK_EDGE * bz) * BLOCK_EDGE + y - BLOCK_EDGE * by) * BLOCK_EDGE + x - BLOCK_EDGE * bx;
     const int16_t *block = v->voxels + (size_t)place * 2 * BLOCK_VOXELS;
     uint16_t weight = (uint16_t)block[BLOCK_VOXELS + at];
-    return weight > v->surface.min_weight ? block[at] / 32767.0 : NAN;
+    bool seen =
+        block[at] != REF_NEVER_SEEN && !(v->surface.min_weight > 0 && weight <= v->surface.min_weight);
+    return seen ? block[at] / 32767.0 : NAN;
 }
 
 double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3]) {
@@ -145,7 +147,8 @@ void ref_request_blocks(const float *depth, const kernel_camera *c, const kernel
 }
 
 void ref_clear_blocks(int first, int count, int16_t *voxels) {
-    memset(voxels + (size_t)first * 2 * BLOCK_VOXELS, 0, (size_t)count * BLOCK_BYTES);
+    for (int i = first * 2 * BLOCK_VOXELS; i < (first + count) * 2 * BLOCK_VOXELS; i++)
+        voxels[i] = i % (2 * BLOCK_VOXELS) < BLOCK_VOXELS ? REF_NEVER_SEEN : 0;
 }
 
 /* ---- fusion ------------------------------------------------------------------------------------------------------- */
@@ -185,7 +188,8 @@ static bool fuse_voxel(const float *scan, const kernel_camera *c, cl_float2 nois
     double ratio = ref_sigma(noise, 1) / ref_sigma(noise, z), w = WEIGHT_ONE * ratio * ratio * squarely;
     (void)ref_floor(w + 0.5, 1e-5 + 1e-5 * fabs(w), doubt);
     w = clamp(rint(w), 1, 4 * WEIGHT_ONE);
-    double mean = (*distance * (double)*weight + clamp(s / truncation, -1, 1) * 32767 * w) / (*weight + w);
+    double mean = ((*weight ? *distance * (double)*weight : 0) + clamp(s / truncation, -1, 1) * 32767 * w) /
+                  (*weight + w);
     *distance = (int16_t)rint(mean);
     *weight = (uint16_t)fmin(*weight + w, max_weight * WEIGHT_ONE);
     return true;

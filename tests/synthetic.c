@@ -20,9 +20,7 @@
 
 #define FIRST_S 1.0 /* the stamp of frame 0 */
 
-
-static const struct render_camera camera = {
-    SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, 131.25, 131.25, 79.5, 59.5};
+static const struct render_camera camera = {SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, 131.25, 131.25, 79.5, 59.5};
 
 static void make_path(enum scene_kind kind, double still_s, struct scene *scene, struct camera_path *path) {
     if (!scene_make(scene, kind, SYNTHETIC_SEED, 10.0)) {
@@ -151,9 +149,16 @@ void synthetic_check_result(const fathom_result *r) {
     check_finite(r->pose, 16);
     check_finite(r->covariance, 36);
     check_finite(r->singular_values, 6);
-    const float rest[] = {r->rms_m,          r->weight,   r->prior_rotation_rad, r->prior_translation_m,
-                          r->innovation_sigmas, r->ms_maps, r->ms_align,         r->ms_fuse,
-                          r->ms_raycast,     r->ms_total};
+    const float rest[] = {r->rms_m,
+                          r->weight,
+                          r->prior_rotation_rad,
+                          r->prior_translation_m,
+                          r->innovation_sigmas,
+                          r->ms_maps,
+                          r->ms_align,
+                          r->ms_fuse,
+                          r->ms_raycast,
+                          r->ms_total};
     check_finite(rest, 10);
     assert_false(isnan(r->condition));
     assert_true(r->ms_total >= 0 && r->pairs >= 0 && r->pairs <= r->overlap_pixels);

@@ -11,7 +11,7 @@
 #define SYNTHETIC_PIXELS (SYNTHETIC_WIDTH * SYNTHETIC_HEIGHT)
 #define SYNTHETIC_PERIOD_NS 33333333
 #define SYNTHETIC_UNITS 5000 /* a metre */
-#define SYNTHETIC_SEED 5 /* of the scenes */
+#define SYNTHETIC_SEED 5     /* of the scenes */
 
 typedef struct {
     int64_t timestamp_ns;

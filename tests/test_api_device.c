@@ -65,8 +65,8 @@ static void a_kernel_that_does_not_build_shows_its_log(void **state) {
     assert_int_equal(status, -FATHOM_ERROR_KERNEL);
     assert_non_null(strstr(text, "FATHOM_ERROR_KERNEL"));
     assert_non_null(strstr(text, "didn't build"));
-    assert_non_null(strstr(text, "error:"));  /* the compiler's own words */
-    assert_non_null(strstr(text, ".cl:"));    /* with our file's name and line */
+    assert_non_null(strstr(text, "error:")); /* the compiler's own words */
+    assert_non_null(strstr(text, ".cl:"));   /* with our file's name and line */
     assert_non_null(strstr(text, "broken")); /* and what was wrong */
     assert_null(strstr(text, "isn't NULL"));
 
@@ -154,6 +154,7 @@ static void the_second_start_takes_its_kernels_from_the_cache(void **state) {
     assert_memory_equal(first, second, sizeof first);
     /* NULL: in the user's cache */
     snprintf(variable, sizeof variable, "XDG_CACHE_HOME=%s", synthetic_folder("cache_home"));
+    each_file(synthetic_folder("cache_home/fathom"), NULL, 0, -1);
     assert_int_equal(synthetic_child("default-cache", variable, text, sizeof text), 0);
     snprintf(folder, sizeof folder, "%s", synthetic_folder("cache_home/fathom"));
     assert_int_equal(files_in(folder), 1);
@@ -249,7 +250,8 @@ typedef struct {
 static void *step_all(void *argument) {
     stepper *s = argument;
     for (int i = 0; i < FRAMES; i++) {
-        fathom_depth_frame frame = {frames[i].timestamp_ns, frames[i].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+        fathom_depth_frame frame = {frames[i].timestamp_ns, frames[i].depth, SYNTHETIC_WIDTH,
+                                    SYNTHETIC_HEIGHT};
         fathom_result r;
         s->failed |= fathom_step(s->scan, &frame, &r) != FATHOM_OK;
         memcpy(s->end, r.pose, sizeof s->end);
@@ -291,8 +293,7 @@ static int start_with(const char *cache, const char *wanted) {
 int main(int argc, char **argv) {
     if (argc == 2 && strcmp(argv[1], "start") == 0) return start_and_say();
     if (argc == 2 && strcmp(argv[1], "default-cache") == 0) return start_with(NULL, NULL);
-    if (argc == 2 && strcmp(argv[1], "broken-cache") == 0)
-        return start_with("cache_broken", "building anew");
+    if (argc == 2 && strcmp(argv[1], "broken-cache") == 0) return start_with("cache_broken", "building anew");
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_kernel_that_does_not_build_shows_its_log),
         cmocka_unit_test(no_platform_is_a_clear_line),

@@ -33,14 +33,14 @@ static fathom_config logged(void) {
 static void names_are_given_for_any_value(void **state) {
     (void)state;
     char version[32];
-    snprintf(version, sizeof version, "%d.%d.%d", FATHOM_VERSION_MAJOR, FATHOM_VERSION_MINOR, FATHOM_VERSION_PATCH);
+    snprintf(version, sizeof version, "%d.%d.%d", FATHOM_VERSION_MAJOR, FATHOM_VERSION_MINOR,
+             FATHOM_VERSION_PATCH);
     assert_string_equal(fathom_version(), version);
     assert_string_equal(fathom_error_name(FATHOM_OK), "FATHOM_OK");
     assert_string_equal(fathom_error_name(FATHOM_ERROR_MEMORY), "FATHOM_ERROR_MEMORY");
     assert_string_equal(fathom_error_name(FATHOM_ERROR_NO_DATA), "FATHOM_ERROR_NO_DATA");
     for (int i = -9; i < 0; i++)
-        for (int j = -9; j < i; j++)
-            assert_string_not_equal(fathom_error_name(i), fathom_error_name(j));
+        for (int j = -9; j < i; j++) assert_string_not_equal(fathom_error_name(i), fathom_error_name(j));
     assert_string_equal(fathom_error_name(7), "FATHOM_OK"); /* results are positive */
     assert_string_equal(fathom_error_name(-1000), "FATHOM_ERROR_UNKNOWN");
     assert_string_equal(fathom_state_name(FATHOM_FIRST), "first");
@@ -218,8 +218,10 @@ typedef struct {
     char type; /* i: int, f: float, l: int64 */
     double low, high;
 } bad_setting;
-#define INT(field, low, high) {#field, offsetof(fathom_config, field), 'i', low, high}
-#define FLOAT(field, low, high) {#field, offsetof(fathom_config, field), 'f', low, high}
+#define INT(field, low, high)                                                                                \
+    { #field, offsetof(fathom_config, field), 'i', low, high }
+#define FLOAT(field, low, high)                                                                              \
+    { #field, offsetof(fathom_config, field), 'f', low, high }
 
 static const bad_setting bad_settings[] = {
     INT(depth_width, 15, 4097),
@@ -395,7 +397,8 @@ static void a_block_serves_again_and_again(void **state) {
             assert_true(plan.device_bytes > 4 << 20 && (size_t)plan.host_bytes < size / 4);
         }
         assert_int_equal(fathom_init(&scan, &c, block, size), FATHOM_OK);
-        for (int k = 0; k < FRAMES; k++) memcpy(poses[round], synthetic_step(scan, &frames[k]).pose, sizeof *poses);
+        for (int k = 0; k < FRAMES; k++)
+            memcpy(poses[round], synthetic_step(scan, &frames[k]).pose, sizeof *poses);
         fathom_close(scan);
         memset(block, round * 85, size);
     }

@@ -43,7 +43,8 @@ static void push_until(fathom *scan, int *next, int64_t stamp) {
         assert_int_equal(fathom_push_imu(scan, &samples[*next]), FATHOM_OK);
 }
 
-static void assert_near_truth(const fathom_result *r, const synthetic_frame *f, double metres, double radians) {
+static void assert_near_truth(const fathom_result *r, const synthetic_frame *f, double metres,
+                              double radians) {
     double d = synthetic_distance(r->pose, f->pose), a = synthetic_angle(r->pose, f->pose);
     if (d > metres || a > radians) print_error("off by %.4f m, %.4f rad\n", d, a);
     assert_true(d <= metres && a <= radians);
@@ -85,9 +86,37 @@ static void poses_follow_the_truth_from_the_first_pose_on(void **state) {
         fathom_counters counters;
         assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
         assert_true(counters.imu_accepted == (imu ? next : 0));
-        assert_true(counters.imu_not_finite == 0 && counters.imu_out_of_order == 0 && counters.imu_overrun == 0);
+        assert_true(counters.imu_not_finite == 0 && counters.imu_out_of_order == 0 &&
+                    counters.imu_overrun == 0);
         synthetic_stop(&s);
         assert_int_equal(kept.errors + kept.warnings, 0);
+    }
+}
+
+/* A cut-out of the frames, odd in both directions, and maps at a half and a quarter of the size. */
+static void any_size_will_do(void **state) {
+    (void)state;
+    static uint16_t cut[SYNTHETIC_PIXELS];
+    static const int sizes[][3] = {{151, 113, 1}, {160, 120, 2}, {160, 120, 4}, {157, 97, 1}};
+    for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
+        fathom_config c = logged();
+        const int width = sizes[k][0], height = sizes[k][1];
+        c.depth_width = width;
+        c.depth_height = height;
+        c.align_width = width / sizes[k][2];
+        c.align_height = height / sizes[k][2];
+        synthetic_context s = synthetic_start(&c);
+        for (int i = 0; i < FRAMES; i += 2) {
+            for (int y = 0; y < height; y++)
+                memcpy(cut + y * width, frames[i].depth + y * SYNTHETIC_WIDTH, (size_t)width * sizeof *cut);
+            fathom_depth_frame frame = {frames[i].timestamp_ns, cut, width, height};
+            fathom_result r;
+            assert_int_equal(fathom_step(s.scan, &frame, &r), FATHOM_OK);
+            synthetic_check_result(&r);
+            assert_int_equal(r.state, i == 0 ? FATHOM_FIRST : FATHOM_TRACKED);
+            assert_near_truth(&r, &frames[i], 0.015, 0.01);
+        }
+        synthetic_stop(&s);
     }
 }
 
@@ -120,10 +149,17 @@ static void a_covered_lens_at_the_start_waits_for_a_surface(void **state) {
         assert_same_pose(r.pose, frames[0].pose);
         assert_true(!r.fused && r.blocks == 0 && r.pairs == 0 && r.iterations == 0);
     }
+    synthetic_frame stray =
+        frames[3]; /* a few pixels see something all the same: that is no surface to start from */
+    for (int k = 0; k < SYNTHETIC_PIXELS; k++)
+        if (k % 457 != 0) stray.depth[k] = 0;
+    stray.timestamp_ns--;
+    fathom_result r = synthetic_step(s.scan, &stray);
+    assert_int_equal(r.verdict, FATHOM_VERDICT_NO_DEPTH);
     synthetic_mesh mesh = {0};
     assert_true(fathom_extract_mesh(s.scan, 0, synthetic_triangles, &mesh) == 0);
     assert_int_equal(mesh.calls, 0);
-    fathom_result r = synthetic_step(s.scan, &frames[3]);
+    r = synthetic_step(s.scan, &frames[3]);
     assert_int_equal(r.state, FATHOM_FIRST);
     assert_same_pose(r.pose, frames[0].pose); /* the first surface is at the first pose */
     assert_int_equal(synthetic_step(s.scan, &frames[4]).state, FATHOM_TRACKED);
@@ -196,7 +232,8 @@ static void clocks_that_jump_leave_everything_finite(void **state) {
             far.timestamp_ns = INT64_MIN;
             assert_int_equal(fathom_push_imu(s.scan, &far), FATHOM_ERROR_ARGUMENT);
             fathom_motion m;
-            assert_int_equal(fathom_inertial_estimate(s.scan, INT64_MIN, INT64_MAX, &m), FATHOM_ERROR_ARGUMENT);
+            assert_int_equal(fathom_inertial_estimate(s.scan, INT64_MIN, INT64_MAX, &m),
+                             FATHOM_ERROR_ARGUMENT);
             synthetic_stop(&s);
         }
 }
@@ -229,7 +266,8 @@ static void a_paused_scan_tracks_and_fuses_nothing(void **state) {
         r = synthetic_step(s.scan, &frames[i]);
         assert_int_equal(r.state, FATHOM_TRACKED);
         assert_true(!r.fused && r.blocks == blocks);
-        double d = synthetic_distance(r.pose, frames[0].pose), way = synthetic_distance(frames[1].pose, frames[i].pose);
+        double d = synthetic_distance(r.pose, frames[0].pose),
+               way = synthetic_distance(frames[1].pose, frames[i].pose);
         assert_true(fabs(d - way) < 0.008); /* the world is that of frame 1 here */
     }
     synthetic_mesh after = mesh_of(s.scan);
@@ -263,7 +301,8 @@ static void reset_starts_anew(void **state) {
             assert_memory_equal(r.covariance, first[i].covariance, sizeof r.covariance);
         }
         if (round == 1) break;
-        for (int i = 8; i < FRAMES; i++) { /* another way to other surfaces, then back to the start in time, too */
+        for (int i = 8; i < FRAMES;
+             i++) { /* another way to other surfaces, then back to the start in time, too */
             push_until(s.scan, &next, frames[i].timestamp_ns);
             synthetic_step(s.scan, &frames[i]);
         }
@@ -298,7 +337,8 @@ static void an_outage_is_reckoned_and_found_back_from(void **state) {
     for (int i = 0; i < FRAMES; i++) {
         bool blank = i >= 7 && i < 11;
         push_until(s.scan, &next, frames[i].timestamp_ns);
-        fathom_result r = blank ? synthetic_blank(s.scan, frames[i].timestamp_ns) : synthetic_step(s.scan, &frames[i]);
+        fathom_result r =
+            blank ? synthetic_blank(s.scan, frames[i].timestamp_ns) : synthetic_step(s.scan, &frames[i]);
         assert_int_equal(r.state, i == 0 ? FATHOM_FIRST : blank ? FATHOM_RECKONED : FATHOM_TRACKED);
         if (blank) {
             assert_true(!r.fused && r.blocks == blocks && r.pairs == 0);
@@ -372,7 +412,8 @@ static int true_motion(void *user, int64_t from, int64_t to, fathom_motion *moti
 
 static void the_hook_replaces_the_estimate_when_it_has_one(void **state) {
     (void)state;
-    float own[FRAMES][16]; /* poses by the library's own estimate: frames far apart, so that the seed matters */
+    float own[FRAMES]
+             [16]; /* poses by the library's own estimate: frames far apart, so that the seed matters */
     for (int mode = -1; mode <= HOOK_MIRROR; mode++) {
         fathom_config c = logged();
         hook_record record = {.mode = mode};
@@ -383,7 +424,8 @@ static void the_hook_replaces_the_estimate_when_it_has_one(void **state) {
         for (int i = 0; i < FRAMES; i += 5, steps++) {
             fathom_result r = synthetic_step(s.scan, &frames[i]);
             if (mode == -1) memcpy(own[i], r.pose, sizeof r.pose);
-            if (mode > HOOK_TRUTH) assert_memory_equal(r.pose, own[i], sizeof r.pose); /* as if it weren't there */
+            if (mode > HOOK_TRUTH)
+                assert_memory_equal(r.pose, own[i], sizeof r.pose); /* as if it weren't there */
             if (mode != HOOK_TRUTH) continue;
             assert_near_truth(&r, &frames[i], 0.006, 0.004);
             if (i == 0) continue;
@@ -407,8 +449,8 @@ static void the_hook_alone_carries_a_blank_frame(void **state) {
     before = synthetic_step(s.scan, &frames[1]);
     after = synthetic_blank(s.scan, frames[9].timestamp_ns);
     assert_int_equal(after.state, FATHOM_RECKONED);
-    assert_true(fabs(synthetic_distance(before.pose, after.pose) - synthetic_distance(frames[1].pose, frames[9].pose)) <
-                1e-5);
+    assert_true(fabs(synthetic_distance(before.pose, after.pose) -
+                     synthetic_distance(frames[1].pose, frames[9].pose)) < 1e-5);
     assert_near_truth(&after, &frames[9], 0.006, 0.004);
     for (int k = 0; k < 6; k++) assert_true(after.covariance[7 * k] >= 1e-4f);
     synthetic_stop(&s);
@@ -425,14 +467,17 @@ static void the_estimate_can_be_asked_for(void **state) {
     }
     fathom_motion there, back;
     push_until(s.scan, &next, frames[9].timestamp_ns);
-    assert_int_equal(fathom_inertial_estimate(s.scan, frames[7].timestamp_ns, frames[9].timestamp_ns, &there), FATHOM_OK);
-    assert_int_equal(fathom_inertial_estimate(s.scan, frames[9].timestamp_ns, frames[7].timestamp_ns, &back), FATHOM_OK);
+    assert_int_equal(fathom_inertial_estimate(s.scan, frames[7].timestamp_ns, frames[9].timestamp_ns, &there),
+                     FATHOM_OK);
+    assert_int_equal(fathom_inertial_estimate(s.scan, frames[9].timestamp_ns, frames[7].timestamp_ns, &back),
+                     FATHOM_OK);
     pose from, to, m, n;
     float truth[16];
     assert_true(pose_from_matrix(frames[7].pose, &from) && pose_from_matrix(frames[9].pose, &to));
     m = pose_between(&from, &to);
     pose_to_matrix(&m, truth);
-    assert_true(synthetic_angle(there.motion, truth) < 0.004 && synthetic_distance(there.motion, truth) < 0.02);
+    assert_true(synthetic_angle(there.motion, truth) < 0.004 &&
+                synthetic_distance(there.motion, truth) < 0.02);
     assert_true(pose_from_matrix(there.motion, &m) && pose_from_matrix(back.motion, &n));
     m = pose_multiply(&m, &n);
     assert_true(pose_angle(&m) < 1e-5);
@@ -476,6 +521,7 @@ static void samples_are_pushed_from_a_second_thread_while_stepping(void **state)
 int main(int argc, char **argv) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(poses_follow_the_truth_from_the_first_pose_on),
+        cmocka_unit_test(any_size_will_do),
         cmocka_unit_test(the_previous_frame_will_do_as_well),
         cmocka_unit_test(a_covered_lens_at_the_start_waits_for_a_surface),
         cmocka_unit_test(frames_that_cannot_be_used_are_counted_and_change_nothing),

@@ -145,8 +145,9 @@ static void shared_corners_are_equal_to_the_last_bit(void **state) {
     synthetic_mesh m = mesh_of(whole.scan);
     size_t twice, loose_twice;
     size_t open = open_edges(&m, true, &twice), loosely = open_edges(&m, false, &loose_twice);
-    assert_true(open < m.count / 8);            /* the rim of what was seen */
-    assert_true(open <= loosely + m.count / 500); /* none of it would close if corners were brought together */
+    assert_true(open < m.count / 8); /* the rim of what was seen */
+    assert_true(open <=
+                loosely + m.count / 500); /* none of it would close if corners were brought together */
     assert_true(twice <= m.count / 1000);
     free(m.vertices);
 }
@@ -177,15 +178,9 @@ static void the_callback_can_stop_and_choose(void **state) {
 
 /* A view of the given size from where frame 8 was taken, a little wider or narrower than the camera. */
 static fathom_view view_of(int width, int height, double focal) {
-    fathom_view v = {width,
-                     height,
-                     (float)focal,
-                     (float)focal,
-                     0.5f * (float)(width - 1),
-                     0.5f * (float)(height - 1),
-                     {0},
-                     0,
-                     0};
+    fathom_view v = {
+        width, height, (float)focal, (float)focal, 0.5f * (float)(width - 1), 0.5f * (float)(height - 1), {0},
+        0,     0};
     memcpy(v.pose, frames[8].pose, sizeof v.pose);
     return v;
 }
@@ -198,7 +193,8 @@ static void views_agree_with_the_truth(void **state) {
         const int w = sizes[s][0], h = sizes[s][1];
         const size_t pixels = (size_t)w * (size_t)h;
         fathom_view v = view_of(w, h, w > 160 ? 262.5 : 150);
-        float *depth = malloc((pixels + 64) * sizeof *depth), *normals = malloc((3 * pixels + 64) * sizeof *normals);
+        float *depth = malloc((pixels + 64) * sizeof *depth),
+              *normals = malloc((3 * pixels + 64) * sizeof *normals);
         float *truth = malloc(pixels * sizeof *truth), *alone = malloc(pixels * sizeof *alone);
         uint8_t *rgb = malloc(3 * pixels + 64);
         assert_true(depth && normals && truth && alone && rgb);
@@ -232,7 +228,8 @@ static void views_agree_with_the_truth(void **state) {
                 assert_true(n[0] == 0 && n[1] == 0 && n[2] == 0);
                 continue;
             }
-            const double x = ((double)(i % (size_t)w) - v.cx) / v.fx, y = ((double)(i / (size_t)w) - v.cy) / v.fy;
+            const double x = ((double)(i % (size_t)w) - v.cx) / v.fx,
+                         y = ((double)(i / (size_t)w) - v.cy) / v.fy;
             assert_true(fabs(n[0] * n[0] + n[1] * n[1] + n[2] * n[2] - 1) < 1e-3);
             assert_true(n[0] * x + n[1] * y + n[2] < 1e-6); /* to the camera */
             seen++;

@@ -140,7 +140,8 @@ static void coning_converges_with_the_square_of_the_period(void **state) {
 static void parts_compose_to_the_whole(void **state) {
     (void)state;
     push_cone(200, 2);
-    inertial_motion a = estimate(0.3012, 0.9551), b = estimate(0.9551, 1.5023), whole = estimate(0.3012, 1.5023);
+    inertial_motion a = estimate(0.3012, 0.9551), b = estimate(0.9551, 1.5023),
+                    whole = estimate(0.3012, 1.5023);
     pose both = pose_multiply(&a.motion, &b.motion);
     assert_true(off(&whole, both.r) < 2e-4);
 }
@@ -251,7 +252,8 @@ static void without_an_imu_velocity_and_turn_are_kept(void **state) {
     pose at = pose_identity();
     assert_int_equal(inertial_estimate(&n, &at, ns(0.1), ns(0.2), &m), FATHOM_ERROR_NO_DATA);
 
-    const double start[6] = {0.4, 1.2, -0.3, 1, 2, 3}, turn[3] = {0.3, -0.6, 0.2}, velocity[3] = {0.5, -0.2, 0.1};
+    const double start[6] = {0.4, 1.2, -0.3, 1, 2, 3}, turn[3] = {0.3, -0.6, 0.2},
+                 velocity[3] = {0.5, -0.2, 0.1};
     pose p = pose_exp(start), q = p;
     double w[3], r[9];
     for (int k = 0; k < 3; k++) w[k] = turn[k] * 0.1;
@@ -406,7 +408,8 @@ static void a_full_ring_drops_the_newest_and_counts(void **state) {
     assert_int_equal(n.history[n.first & 127].timestamp_ns, ns(1.00));
     assert_int_equal(n.history[(n.first + 127) & 127].timestamp_ns, ns(2.99));
     for (unsigned i = 1; i < n.count; i++)
-        assert_true(n.history[(n.first + i) & 127].timestamp_ns > n.history[(n.first + i - 1) & 127].timestamp_ns);
+        assert_true(n.history[(n.first + i) & 127].timestamp_ns >
+                    n.history[(n.first + i - 1) & 127].timestamp_ns);
 }
 
 static void nothing_known_is_said(void **state) {

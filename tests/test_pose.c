@@ -66,9 +66,9 @@ static void assert_pose_equal(const pose *a, const pose *b, double tolerance) {
     for (int i = 0; i < 3; i++) assert_true(fabs(a->t[i] - b->t[i]) <= tolerance);
 }
 
-static const double angles[] = {0,    1e-15, 1e-12, 1e-9, 1e-7, 1e-5, 9.99e-5,  1.001e-4,  1e-3,
-                                0.05, 0.5,   1.0,   1.57, 2.0,  2.5,  3.0,      PI - 1e-2, PI - 1e-4,
-                                PI - 1e-6,  PI - 1e-9};
+static const double angles[] = {0,        1e-15, 1e-12,     1e-9,      1e-7,      1e-5,     9.99e-5,
+                                1.001e-4, 1e-3,  0.05,      0.5,       1.0,       1.57,     2.0,
+                                2.5,      3.0,   PI - 1e-2, PI - 1e-4, PI - 1e-6, PI - 1e-9};
 #define ANGLES (sizeof angles / sizeof *angles)
 
 static void exp_is_the_power_series(void **state) {
@@ -135,7 +135,8 @@ static void products_inverses_and_points_agree(void **state) {
         pose_apply(&a, q, q); /* in place */
         pose_apply(&ab, p, r);
         for (int k = 0; k < 3; k++) assert_true(fabs(q[k] - r[k]) < 1e-12);
-        assert_true(fabs(pose_distance(&a) - sqrt(a.t[0] * a.t[0] + a.t[1] * a.t[1] + a.t[2] * a.t[2])) < 1e-15);
+        assert_true(fabs(pose_distance(&a) - sqrt(a.t[0] * a.t[0] + a.t[1] * a.t[1] + a.t[2] * a.t[2])) <
+                    1e-15);
         double product[9], transposed[9];
         so3_transpose_multiply(a.r, a.r, product);
         so3_multiply(inverse.r, a.r, transposed);

@@ -156,7 +156,7 @@ static void a_known_motion_is_recovered(void **state) {
         off_by(twist);
         normal_equations e = sums();
         solution s;
-        assert_true(solve_alignment(&e, &s));
+        assert_true(solve_alignment(&e, NULL, &s));
         for (int j = 0; j < 6; j++) assert_true(fabs(s.twist[j] - twist[j]) < 1e-11);
         assert_true(s.residual < 1e-10 * e.btb);
         assert_true(s.condition > 1 && s.condition < 5); /* normals every way */
@@ -182,7 +182,7 @@ static void composed_updates_converge_to_a_large_motion(void **state) {
         }
         normal_equations e = sums();
         solution s;
-        assert_true(solve_alignment(&e, &s));
+        assert_true(solve_alignment(&e, NULL, &s));
         pose update = pose_exp(s.twist);
         motion = pose_multiply(&update, &motion);
     }
@@ -198,7 +198,7 @@ static void residual_is_that_of_the_pairs(void **state) {
         for (int i = 0; i < PAIRS; i++) pairs[i].b = 0.01 * random_normal(random_key(seed, 3), (uint64_t)i);
         normal_equations e = sums();
         solution s;
-        assert_true(solve_alignment(&e, &s));
+        assert_true(solve_alignment(&e, NULL, &s));
         double direct = 0, moved = 0;
         for (int i = 0; i < PAIRS; i++) {
             double a[6], r = -pairs[i].b, other = -pairs[i].b;
@@ -239,7 +239,7 @@ static void singular_values_are_centred_and_scaled(void **state) {
     eigenvalues(m, values);
     normal_equations e = sums();
     solution s;
-    assert_true(solve_alignment(&e, &s));
+    assert_true(solve_alignment(&e, NULL, &s));
     for (int i = 0; i < 6; i++) assert_true(fabs(s.singular[i] - sqrt(values[i])) < 1e-10 * s.singular[0]);
     assert_true(fabs(s.condition - sqrt(values[0] / values[5])) < 1e-9);
 }
@@ -256,22 +256,22 @@ static void kappa_depends_on_neither_origin_nor_unit(void **state) {
         }
         normal_equations e = sums();
         solution plain, moved, shifted, scaled;
-        assert_true(solve_alignment(&e, &plain));
+        assert_true(solve_alignment(&e, NULL, &plain));
         assert_true(plain.condition > 2);
 
         const double centre[3] = {-3, 2, 7}; /* rotations taken about somewhere else */
         e = sums_about(centre);
-        assert_true(solve_alignment(&e, &moved));
+        assert_true(solve_alignment(&e, NULL, &moved));
 
         const double far[3] = {30, -20, 10}; /* the whole scene somewhere else */
         for (int i = 0; i < PAIRS; i++)
             for (int j = 0; j < 3; j++) pairs[i].p[j] += far[j];
         e = sums();
-        assert_true(solve_alignment(&e, &shifted));
+        assert_true(solve_alignment(&e, NULL, &shifted));
         for (int i = 0; i < PAIRS; i++) /* millimetres */
             for (int j = 0; j < 3; j++) pairs[i].p[j] = 1000 * (pairs[i].p[j] - far[j]);
         e = sums();
-        assert_true(solve_alignment(&e, &scaled));
+        assert_true(solve_alignment(&e, NULL, &scaled));
         assert_true(fabs(moved.condition / plain.condition - 1) < 1e-9);
         assert_true(fabs(shifted.condition / plain.condition - 1) < 1e-7);
         assert_true(fabs(scaled.condition / plain.condition - 1) < 1e-9);
@@ -292,7 +292,7 @@ static void a_plane_leaves_its_free_directions_alone(void **state) {
     off_by(twist);
     normal_equations e = sums();
     solution s;
-    assert_true(solve_alignment(&e, &s));
+    assert_true(solve_alignment(&e, NULL, &s));
     assert_true(s.condition > 1e6);
     assert_true(fabs(s.twist[0] - twist[0]) < 1e-9 && fabs(s.twist[1] - twist[1]) < 1e-9);
     assert_true(fabs(s.twist[5] - twist[5]) < 1e-9);
@@ -317,7 +317,7 @@ static void pairs_in_one_point_are_survived(void **state) {
     off_by(twist);
     normal_equations e = sums();
     solution s;
-    assert_true(solve_alignment(&e, &s));
+    assert_true(solve_alignment(&e, NULL, &s));
     for (int i = 0; i < 6; i++) assert_true(isfinite(s.twist[i]));
     double way[3];
     cross(s.twist, pairs[0].p, way); /* whatever turn: the point itself goes where it should */
@@ -336,7 +336,7 @@ static void covariance_is_what_a_monte_carlo_finds(void **state) {
     for (int t = 0; t < TRIALS; t++) {
         for (int i = 0; i < PAIRS; i++) pairs[i].b = random_normal(key, k++) / sqrt(pairs[i].w);
         normal_equations e = sums();
-        assert_true(solve_alignment(&e, &s));
+        assert_true(solve_alignment(&e, NULL, &s));
         for (int r = 0; r < 6; r++) {
             mean[r] += s.twist[r] / TRIALS;
             for (int c = 0; c < 6; c++) found[6 * r + c] += s.twist[r] * s.twist[c] / TRIALS;
@@ -353,12 +353,85 @@ static void covariance_is_what_a_monte_carlo_finds(void **state) {
     }
 }
 
+/* ---- with a prior ------------------------------------------------------------------------------------------------- */
+
+static solve_prior prior_of(const double mean[6], double sigma_rotation, double sigma_translation) {
+    solve_prior p = {.max_condition = 1e9, .correlated = 1};
+    memcpy(p.mean, mean, sizeof p.mean);
+    for (int i = 0; i < 6; i++) {
+        double sigma = i < 3 ? sigma_rotation : sigma_translation;
+        p.information[7 * i] = 1 / (sigma * sigma);
+    }
+    return p;
+}
+
+/* The joint estimate is where the pairs' pull and the prior's cancel, and its covariance is the inverse of the sum of
+ * their informations; all about the camera's origin, in plain sums. */
+static void pairs_and_prior_are_joined_by_their_information(void **state) {
+    (void)state;
+    static const double origin[3];
+    for (uint64_t seed = 0; seed < 10; seed++) {
+        const double mean[6] = {0.01, -0.02, 0.005, 0.02, 0.01, -0.03};
+        random_pairs(seed);
+        for (int i = 0; i < PAIRS; i++) pairs[i].b = 0.5 * random_normal(random_key(seed, 5), (uint64_t)i);
+        normal_equations e = sums(), about_origin = sums_about(origin);
+        solve_prior prior = prior_of(mean, 0.03, 0.02); /* about as strong as the pairs */
+        prior.correlated = 4;
+        solution alone, both;
+        assert_true(solve_alignment(&e, NULL, &alone));
+        assert_true(solve_alignment(&e, &prior, &both));
+        double variance = 4 * alone.residual / (PAIRS - 6), pull = 0;
+        for (int r = 0; r < 6; r++) {
+            double data = -about_origin.atb[r] / variance, own = 0;
+            for (int c = 0; c < 6; c++) {
+                data += about_origin.ata[6 * r + c] / variance * both.twist[c];
+                own += prior.information[6 * r + c] * (both.twist[c] - mean[c]);
+            }
+            pull = fmax(pull, fabs(data));
+            assert_true(fabs(data + own) < 1e-7 * (1 + fabs(data)));
+            for (int c = 0; c < 6; c++) { /* information times covariance is one */
+                double sum = 0;
+                for (int k = 0; k < 6; k++)
+                    sum += (about_origin.ata[6 * r + k] / variance + prior.information[6 * r + k]) *
+                           both.covariance[6 * k + c];
+                assert_true(fabs(sum - (r == c)) < 1e-7);
+            }
+        }
+        assert_true(pull > 1); /* neither had it all its own way */
+        assert_true(both.residual >= alone.residual);
+        assert_true(both.condition == alone.condition); /* kappa is that of the pairs alone */
+    }
+}
+
+static void a_prior_holds_what_a_plane_leaves_free(void **state) {
+    (void)state;
+    random_pairs(5);
+    for (int i = 0; i < PAIRS; i++) {
+        const double normal[3] = {0, 0, -1};
+        memcpy(pairs[i].n, normal, sizeof normal);
+        pairs[i].p[2] = 2;
+    }
+    const double twist[6] = {0.002, -0.003, 0, 0, 0, 0.015}, mean[6] = {0, 0, 0.004, 0.006, -0.005, 0};
+    off_by(twist);
+    normal_equations e = sums();
+    solve_prior prior = prior_of(mean, 0.01, 0.01);
+    solution s;
+    assert_true(solve_alignment(&e, &prior, &s));
+    assert_true(fabs(s.twist[0] - twist[0]) < 1e-5 && fabs(s.twist[1] - twist[1]) < 1e-5);
+    assert_true(fabs(s.twist[5] - twist[5]) < 1e-5); /* what the wall says */
+    assert_true(fabs(s.twist[2] - mean[2]) < 1e-4);  /* what only inertia can say */
+    assert_true(fabs(s.twist[3] - mean[3]) < 1e-4 && fabs(s.twist[4] - mean[4]) < 1e-4);
+    for (int i = 2; i < 5; i++) assert_true(fabs(sqrt(s.covariance[7 * i]) - 0.01) < 1e-3);
+    assert_true(sqrt(s.covariance[0]) < 1e-4 && sqrt(s.covariance[35]) < 1e-3);
+    assert_true(s.condition > 1e6);
+}
+
 static void nothing_to_solve_is_said(void **state) {
     (void)state;
     solution s;
     normal_equations none, e;
     memset(&none, 0, sizeof none);
-    assert_false(solve_alignment(&none, &s));
+    assert_false(solve_alignment(&none, NULL, &s));
     assert_true(isinf(s.condition));
     for (int j = 0; j < 6; j++) assert_true(s.twist[j] == 0);
 
@@ -367,23 +440,23 @@ static void nothing_to_solve_is_said(void **state) {
     off_by(twist);
     const double bad[] = {NAN, INFINITY, -INFINITY};
     for (int k = 0; k < 3; k++) {
-        double *places[] = {&e.ata[0], &e.ata[20], &e.ata[35], &e.atb[0], &e.atb[5], &e.btb, &e.point[1],
-                            &e.point_squared};
+        double *places[] = {&e.ata[0], &e.ata[20], &e.ata[35],  &e.atb[0],
+                            &e.atb[5], &e.btb,     &e.point[1], &e.point_squared};
         for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
             e = sums();
             *places[i] = bad[k];
-            bool solved = solve_alignment(&e, &s);
+            bool solved = solve_alignment(&e, NULL, &s);
             if (solved) print_message("place %zu, value %g was solved\n", i, bad[k]);
             assert_false(solved);
         }
     }
     e = sums();
     e.weight = NAN;
-    assert_false(solve_alignment(&e, &s));
+    assert_false(solve_alignment(&e, NULL, &s));
     e.weight = INFINITY;
-    assert_false(solve_alignment(&e, &s));
+    assert_false(solve_alignment(&e, NULL, &s));
     e.weight = -1;
-    assert_false(solve_alignment(&e, &s));
+    assert_false(solve_alignment(&e, NULL, &s));
 }
 
 int main(void) {
@@ -397,6 +470,8 @@ int main(void) {
         cmocka_unit_test(a_plane_leaves_its_free_directions_alone),
         cmocka_unit_test(pairs_in_one_point_are_survived),
         cmocka_unit_test(covariance_is_what_a_monte_carlo_finds),
+        cmocka_unit_test(pairs_and_prior_are_joined_by_their_information),
+        cmocka_unit_test(a_prior_holds_what_a_plane_leaves_free),
         cmocka_unit_test(nothing_to_solve_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
