@@ -59,6 +59,14 @@ static void covariance_to_scan(const pose *motion, const double left[36], double
     covariance_transport(adjoint, left, out);
 }
 
+/* The same for an information: a right error e is the left twist Ad(motion) e. */
+static void information_to_scan(const pose *motion, const double left[36], double out[36]) {
+    double adjoint[36], transposed[36];
+    pose_adjoint(motion, adjoint);
+    for (int i = 0; i < 36; i++) transposed[i] = adjoint[i % 6 * 6 + i / 6];
+    covariance_transport(transposed, left, out);
+}
+
 /* The seed's word on the next left twist x of the motion: it is off from the seed by log(inv(seed) motion), in the scan's
  * axes, which x changes by Ad(inv(motion)) x; that sum has the seed's covariance. */
 static bool prior_at(const align_seed *seed, const pose *motion, const fathom_config *c, solve_prior *prior) {
@@ -113,6 +121,10 @@ void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, cons
                 for (int k = 0; k < 36; k++) s.covariance[k] *= variance;
             }
             covariance_to_scan(&result->motion, s.covariance, result->covariance);
+            if (held)
+                information_to_scan(&result->motion, s.information, result->information);
+            else
+                covariance_invert(result->covariance, result->information);
 
             bool small =
                 pose_angle(&update) < c->stop_rotation_rad && pose_distance(&update) < c->stop_translation_m;

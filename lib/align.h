@@ -22,6 +22,8 @@ typedef struct {
     double weight, rms;
     double singular[6], condition;
     double covariance[36]; /* of motion, in the scan camera's axes: motion * exp(error) */
+    double information
+        [36]; /* the same from the pairs alone, inverted: directions that they leave free have none */
 } alignment;
 
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);

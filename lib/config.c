@@ -40,11 +40,14 @@ fathom_config fathom_config_default(void) {
     c.imu = c.imu_translation = true;
     c.imu_to_camera_rotation[0] = c.imu_to_camera_rotation[4] = c.imu_to_camera_rotation[8] = 1;
     c.gravity = 9.80665f;
-    c.gyro_noise = 1.5e-3f;
+    c.gyro_noise = 5e-3f;
     c.gyro_bias_sigma = 0.02f;
-    c.accel_noise = 3e-3f;
+    c.accel_noise = 0.05f;
     c.accel_bias_sigma = 0.1f;
-    c.seed_floor_rad = c.seed_floor_m = 0.005f;
+    c.seed_floor_rad = 0.012f;
+    c.seed_floor_m = 0.008f;
+    c.pose_noise_rad = 0.006f;
+    c.pose_noise_m = 0.004f;
     c.motion_accel_sigma = 1.5f;
     c.motion_turn_sigma = 3;
     c.lost_sigma_m = 0.5f;
@@ -123,6 +126,8 @@ int config_check(const fathom_config *c) {
         {"accel_bias_sigma", c->accel_bias_sigma, 0, 100},
         {"seed_floor_rad", c->seed_floor_rad, 1e-6, 10},
         {"seed_floor_m", c->seed_floor_m, 1e-6, 10},
+        {"pose_noise_rad", c->pose_noise_rad, 0, 1},
+        {"pose_noise_m", c->pose_noise_m, 0, 1},
         {"motion_accel_sigma", c->motion_accel_sigma, 0, 1000},
         {"motion_turn_sigma", c->motion_turn_sigma, 0, 1000},
         {"lost_sigma_m", c->lost_sigma_m, 1e-3, 1000},

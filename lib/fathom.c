@@ -234,7 +234,7 @@ int fathom_inertial_estimate(fathom *f, int64_t from_ns, int64_t to_ns, fathom_m
     if (!f || !motion || !stamp_good(from_ns) || !stamp_good(to_ns)) return FATHOM_ERROR_ARGUMENT;
     inertial_motion m;
     inertial_drain(&f->inertial);
-    int e = inertial_estimate(&f->inertial, &f->pose, from_ns, to_ns, &m);
+    int e = inertial_estimate(&f->inertial, from_ns, to_ns, &m);
     if (e != FATHOM_OK) return e;
     pose_to_matrix(&m.motion, motion->motion);
     for (int i = 0; i < 36; i++) motion->covariance[i] = (float)m.covariance[i];

@@ -177,18 +177,21 @@ typedef struct {
 
     /* inertial sensor (Section 3) */
     bool imu;                      /* use inertial samples. Default true; without samples it does no harm */
-    bool imu_translation;          /* estimate translation too (else it is taken as zero). Default true */
+    bool imu_translation;          /* use the accelerometer (else translation goes on at constant velocity). Default true */
     float imu_to_camera_rotation[9];    /* row-major: v_camera = R v_imu. Default identity */
     float imu_to_camera_translation[3]; /* the IMU's origin in camera axes, metres. Default zero */
     int64_t imu_clock_offset_ns;   /* added to an IMU stamp to get the depth clock. Default 0 */
     float gravity;                 /* m/s^2. Default 9.80665 */
-    float gyro_noise;              /* noise density, rad/s/sqrt(Hz). Default 1.5e-3 (a phone's, or worse) */
+    float gyro_noise;              /* noise density, rad/s/sqrt(Hz), with what scale errors add (a phone's alone: 1e-4).
+                                      Default 5e-3 */
     float gyro_bias_sigma;         /* sigma of the bias before it is known, rad/s. Default 0.02 */
-    float accel_noise;             /* noise density, m/s^2/sqrt(Hz). Default 3e-3 */
+    float accel_noise;             /* noise density, m/s^2/sqrt(Hz), with what scale errors and vibration add. Default 0.05 */
     float accel_bias_sigma;        /* sigma of the bias before it is known, m/s^2. Default 0.1 */
     float seed_floor_rad, seed_floor_m; /* error of a seed that no noise figure explains (clock jitter, mounting, rolling
-                                      shutter), a step. Default 0.005 and 0.005 */
-    float motion_accel_sigma;      /* how much a hand-held camera's velocity wanders, m/s^2, for constant-velocity seeds.
+                                      shutter), a step. Default 0.012 and 0.008 */
+    float pose_noise_rad, pose_noise_m; /* error of an accepted pose, beside what alignment says, and of the navigator's way
+                                      from one to the next. Default 0.006 and 0.004 */
+    float motion_accel_sigma;      /* how much a hand-held camera's velocity wanders, m/s^2, without an accelerometer.
                                       Default 1.5 */
     float motion_turn_sigma;       /* the same for its turning rate without a gyroscope, rad/s^2. Default 3 */
     float lost_sigma_m;            /* dead reckoning whose position sigma passes this is called lost. Default 0.5 */
@@ -320,8 +323,10 @@ typedef struct {
 FATHOM_API int fathom_step(fathom *context, const fathom_depth_frame *frame, fathom_result *result);
 
 /* The relative camera motion between two stamps of the depth clock by inertial navigation alone (Section 3,
- * InertialEstimate): gyroscope integrated on SO(3) between interpolated samples; translation at constant velocity.
- * to_ns may lie before from_ns. FATHOM_ERROR_NO_DATA when it has neither samples nor a velocity. Stepping thread. */
+ * InertialEstimate): an error-state Kalman filter (Sola 2017, Section 5 and 6) integrates gyroscope and accelerometer
+ * between interpolated samples, from the state that the accepted poses have corrected: orientation, velocity, position,
+ * both biases, gravity. to_ns may lie before from_ns. FATHOM_ERROR_NO_DATA when there are neither samples nor a tracked
+ * frame. Stepping thread. */
 FATHOM_API int fathom_inertial_estimate(fathom *context, int64_t from_ns, int64_t to_ns, fathom_motion *motion);
 
 /* The latest pose (row-major 4x4, camera to world) and, where not NULL, its 6x6 covariance. Stepping thread. */

@@ -10,8 +10,10 @@
 #define STILL_GYRO_CHANGE 0.03  /* rad/s away from the mean of the stillness so far */
 #define STILL_ACCEL_CHANGE 0.25 /* m/s^2, the same */
 #define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
-#define SIGMA_MOST 1e3          /* rad and m: nothing is known */
-#define COAST_SECONDS 10.0      /* no hand keeps its velocity for longer */
+#define ACCEL_WALK 2e-3         /* m/s^2/sqrt(s), the same of the accelerometer's */
+#define COAST_SECONDS 10.0      /* without samples: no hand keeps its velocity and turn for longer */
+#define HAND_SECONDS 0.2        /* how long a hand's acceleration lasts */
+#define EXACT 1e12              /* information, 1/rad^2 and 1/m^2, of an exact pose */
 
 static unsigned ring_capacity(const fathom_config *c) {
     unsigned n = 64, wanted = c->imu_capacity > 0 ? (unsigned)c->imu_capacity : 4096;
@@ -30,6 +32,7 @@ void inertial_init(inertial *n, arena *a, const fathom_config *config) {
     n->history = history;
     n->capacity = capacity;
     for (int i = 0; i < 9; i++) n->rotation[i] = config->imu_to_camera_rotation[i];
+    for (int i = 0; i < 3; i++) n->lever[i] = config->imu_to_camera_translation[i];
     inertial_reset(n);
 }
 
@@ -38,9 +41,9 @@ void inertial_reset(inertial *n) {
     n->period_ns = 0;
     n->gyro_bias_sigma = n->config->gyro_bias_sigma;
     memset(n->gyro_bias, 0, sizeof n->gyro_bias);
-    memset(n->velocity, 0, sizeof n->velocity);
     memset(n->turning, 0, sizeof n->turning);
-    n->velocity_sigma = 0.5;
+    n->running = false;
+    memset(&n->state, 0, sizeof n->state);
     n->corrected_ns = INT64_MIN;
     n->corrected = pose_identity();
     n->still_samples = 0;
@@ -153,94 +156,167 @@ static int find_sample(inertial *n, int64_t t) {
     return low;
 }
 
-/* The bias-free rate at t, interpolated; held before the first and after the last sample. */
-static void rate_at(inertial *n, int64_t t, int i, double w[3]) {
+/* Rate and specific force at t, interpolated; held before the first and after the last sample. i: find_sample(t). */
+static void sample_between(inertial *n, int64_t t, int i, double gyro[3], double accel[3]) {
     int last = (int)n->count - 1;
     const inertial_sample *a = sample_at(n, (unsigned)(i < 0 ? 0 : i)),
                           *b = sample_at(n, (unsigned)(i < last ? i + 1 : last));
     double f = 0;
     if (b->timestamp_ns > a->timestamp_ns && i >= 0)
         f = (double)(t - a->timestamp_ns) / (double)(b->timestamp_ns - a->timestamp_ns);
-    for (int k = 0; k < 3; k++) w[k] = (1 - f) * a->gyro[k] + f * b->gyro[k] - n->gyro_bias[k];
+    for (int k = 0; k < 3; k++) {
+        gyro[k] = (1 - f) * a->gyro[k] + f * b->gyro[k];
+        accel[k] = (1 - f) * a->accel[k] + f * b->accel[k];
+    }
 }
 
-/* Rotation from the camera at `to` to the camera at `from` (from < to), interval by interval at the mean of its ends'
- * rates. Returns the seconds that no sample covers. */
-static double integrate_rotation(inertial *n, int64_t from, int64_t to, double r[9]) {
-    pose p = pose_identity();
-    int i = find_sample(n, from);
-    int64_t t = from;
-    double uncovered = 0;
+/* One stretch between neighbouring samples, or without any: i is find_sample(early). forward: from early to late. */
+static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int i, bool forward) {
+    const fathom_config *c = n->config;
+    bool imu = c->imu && n->count > 1;
+    double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->period_ns;
+    double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
+    navigator_noise noise = {c->gyro_noise, c->motion_accel_sigma * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK,
+                             0};
+    bool inside = imu && i >= 0 && i + 1 < (int)n->count;
+    bool gap = inside && (double)(sample_at(n, (unsigned)(i + 1))->timestamp_ns -
+                                  sample_at(n, (unsigned)i)->timestamp_ns) > 5e9 * period;
+    bool covered = (inside && !gap) || (imu && dt < 1.5 * period);
+    if (!covered) dt = fmin(dt, COAST_SECONDS);
+    if (imu) {
+        sample_between(n, early, i, w0, a0);
+        sample_between(n, late, i, w1, a1);
+        for (int k = 0; k < 3; k++) {
+            gyro[k] = 0.5 * (w0[k] + w1[k]);
+            accel[k] = 0.5 * (a0[k] + a1[k]);
+        }
+    } else {
+        for (int k = 0; k < 3; k++) gyro[k] = n->turning[k] + s->gyro_bias[k];
+    }
+    if (!covered) noise.turn = c->motion_turn_sigma * dt * dt;
+    bool force = covered && c->imu_translation && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
+    if (force) noise.accel = c->accel_noise;
+    navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
+}
+
+/* Takes a state forward or back to another time, stretch by stretch. */
+static void travel(inertial *n, navigator *s, int64_t to) {
+    int64_t t = s->timestamp_ns;
+    int i = find_sample(n, t);
     while (t < to) {
         int64_t next = i + 1 < (int)n->count ? sample_at(n, (unsigned)(i + 1))->timestamp_ns : to;
         if (next > to) next = to;
-        double dt = 1e-9 * (double)(next - t), a[3], b[3], w[3], step[9];
-        rate_at(n, t, i, a);
-        rate_at(n, next, i, b);
-        for (int k = 0; k < 3; k++) w[k] = 0.5 * (a[k] + b[k]) * dt;
-        so3_exp(w, step);
-        so3_multiply(p.r, step, p.r);
-        bool covered = i >= 0 && i + 1 < (int)n->count && dt < 1e-9 * 5 * (double)n->period_ns;
-        if (!covered && dt > 1e-9 * 1.5 * (double)n->period_ns) uncovered += dt;
+        if (next > t) stretch(n, s, t, next, i, true);
         t = next;
         i++;
     }
-    pose_normalise(&p);
-    memcpy(r, p.r, sizeof p.r);
-    return uncovered;
+    while (t > to) {
+        int64_t next = i >= 0 ? sample_at(n, (unsigned)i)->timestamp_ns : to;
+        if (next < to) next = to;
+        if (next < t) stretch(n, s, next, t, i, false);
+        t = next;
+        i--;
+    }
+    s->timestamp_ns = to;
 }
 
-int inertial_estimate(inertial *n, const pose *at, int64_t from_ns, int64_t to_ns, inertial_motion *out) {
+/* A state for when there is none: at rest somewhere, to be integrated from. */
+static void rest(inertial *n, navigator *s, int64_t timestamp_ns) {
+    pose origin = pose_identity();
+    const double none[3] = {0, 0, 0};
+    s->timestamp_ns = timestamp_ns;
+    navigator_start(s, &origin, none, 0.5, n->gyro_bias_sigma, n->config->accel_bias_sigma, 1);
+    memcpy(s->gyro_bias, n->gyro_bias, sizeof s->gyro_bias);
+}
+
+int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_motion *out) {
     const fathom_config *c = n->config;
-    bool gyro = c->imu && n->count > 1;
-    if (!gyro && n->corrected_ns == INT64_MIN) return FATHOM_ERROR_NO_DATA;
+    if (!n->running && !(c->imu && n->count > 1)) return FATHOM_ERROR_NO_DATA;
     int64_t early = from_ns < to_ns ? from_ns : to_ns, late = from_ns < to_ns ? to_ns : from_ns;
-    double dt = 1e-9 * (double)(late - early),
-           coasting = copysign(fmin(dt, COAST_SECONDS), from_ns < to_ns ? 1 : -1);
-
-    pose m = pose_identity();
-    double sigma_r, uncovered = dt;
-    if (gyro) {
-        uncovered = integrate_rotation(n, early, late, m.r);
-        sigma_r = c->gyro_noise * sqrt(dt) + n->gyro_bias_sigma * dt;
-    } else {
-        double w[3];
-        for (int k = 0; k < 3; k++) w[k] = n->turning[k] * dt;
-        so3_exp(w, m.r);
-        sigma_r = 0;
+    navigator whole, s;
+    if (n->running)
+        whole = n->state;
+    else
+        rest(n, &whole, early);
+    travel(n, &whole, early);
+    s = whole;
+    navigator_forget_pose_error(&s);
+    pose before = navigator_camera(&s, n->lever);
+    travel(n, &s, late);
+    pose after = navigator_camera(&s, n->lever);
+    out->motion = pose_between(&before, &after);
+    navigator_camera_covariance(&s, n->lever, out->covariance);
+    travel(n, &whole, late);
+    navigator_camera_covariance(&whole, n->lever, out->pose_covariance);
+    if (from_ns > to_ns) { /* the error of the inverse, in the earlier camera's axes */
+        double adjoint[36];
+        pose_adjoint(&out->motion, adjoint);
+        covariance_transport(adjoint, out->covariance, out->covariance);
+        out->motion = pose_inverse(&out->motion);
     }
-    sigma_r += c->motion_turn_sigma * uncovered * uncovered + c->seed_floor_rad;
-    sigma_r = fmin(sigma_r, SIGMA_MOST); /* a clock that jumps by years must not end in infinity */
-    if (from_ns > to_ns) m = pose_inverse(&m);
-
-    /* constant velocity; how far a hand's acceleration leads away from it */
-    double age = n->corrected_ns == INT64_MIN ? 0 : 1e-9 * fabs((double)(early - n->corrected_ns));
-    double sigma_t = n->velocity_sigma * dt + c->motion_accel_sigma * dt * (0.5 * dt + age) + c->seed_floor_m;
-    sigma_t = fmin(sigma_t, SIGMA_MOST);
-    for (int i = 0; i < 3 && c->imu_translation;
-         i++) /* world velocity in the axes of the camera at from_ns */
-        for (int j = 0; j < 3; j++) m.t[i] += at->r[3 * j + i] * n->velocity[j] * coasting;
-
-    out->motion = m;
-    memset(out->covariance, 0, sizeof out->covariance);
-    for (int i = 0; i < 3; i++) {
-        out->covariance[7 * i] = sigma_r * sigma_r;
-        out->covariance[7 * (i + 3)] = sigma_t * sigma_t;
+    for (int i = 0; i < 6; i++) {
+        double floor = i < 3 ? c->seed_floor_rad : c->seed_floor_m;
+        out->covariance[7 * i] += floor * floor;
+        out->pose_covariance[7 * i] += floor * floor;
     }
     return FATHOM_OK;
 }
 
-void inertial_correct(inertial *n, const pose *accepted, int64_t timestamp_ns) {
+void inertial_advance(inertial *n, int64_t timestamp_ns) {
+    if (n->running) travel(n, &n->state, timestamp_ns);
+}
+
+/* Gravity, from the specific force of the last quarter of a second, as if that had been without acceleration. */
+static void start(inertial *n, const pose *accepted, int64_t timestamp_ns) {
+    const fathom_config *c = n->config;
+    navigator s;
+    rest(n, &s, timestamp_ns);
+    double force[3] = {0, 0, 0}, length = 0, gravity[3] = {0, 0, 0};
+    int used = 0;
+    for (int i = find_sample(n, timestamp_ns); i >= 0; i--) {
+        const inertial_sample *a = sample_at(n, (unsigned)i);
+        if (timestamp_ns - a->timestamp_ns > 250000000 || !isfinite(a->accel[0] + a->accel[1] + a->accel[2]))
+            break;
+        travel(n, &s, a->timestamp_ns); /* R(first)^T R(sample) */
+        for (int j = 0; j < 3; j++)
+            force[j] +=
+                s.r[3 * j] * a->accel[0] + s.r[3 * j + 1] * a->accel[1] + s.r[3 * j + 2] * a->accel[2];
+        used++;
+    }
+    for (int j = 0; j < 3; j++) length += force[j] * force[j];
+    length = sqrt(length);
+    if (used > 0 && length > 1e-6)
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 3; k++) gravity[j] -= accepted->r[3 * j + k] * force[k] / length * c->gravity;
+    bool still = 1e-9 * (double)n->period_ns * n->still_samples > 0.1;
+    pose lever = pose_identity();
+    memcpy(lever.t, n->lever, sizeof lever.t);
+    pose imu = pose_multiply(accepted, &lever);
+    n->state.timestamp_ns = timestamp_ns;
+    navigator_start(&n->state, &imu, gravity, still ? 0.03 : 0.5, n->gyro_bias_sigma, c->accel_bias_sigma,
+                    used == 0 ? 10
+                    : still   ? 0.2
+                              : 1);
+    memcpy(n->state.gyro_bias, n->gyro_bias, sizeof n->gyro_bias);
+    n->running = true;
+}
+
+void inertial_correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns) {
+    const fathom_config *c = n->config;
     if (n->corrected_ns != INT64_MIN && timestamp_ns > n->corrected_ns) {
-        double dt = 1e-9 * (double)(timestamp_ns - n->corrected_ns), w[3];
+        double dt = 1e-9 * ((double)timestamp_ns - (double)n->corrected_ns), w[3];
         pose way = pose_between(&n->corrected, accepted);
         so3_log(way.r, w);
-        for (int i = 0; i < 3; i++) {
-            n->velocity[i] = (accepted->t[i] - n->corrected.t[i]) / dt;
-            n->turning[i] = w[i] / dt;
-        }
-        /* the mean velocity of the interval is that of its middle */
-        n->velocity_sigma = n->config->motion_accel_sigma * 0.5 * dt + 0.003 / dt;
+        for (int i = 0; i < 3; i++) n->turning[i] = w[i] / dt;
+    }
+    if (!n->running) {
+        start(n, accepted, timestamp_ns);
+    } else {
+        double exact[36] = {0};
+        for (int i = 0; i < 6; i++) exact[7 * i] = EXACT;
+        travel(n, &n->state, timestamp_ns);
+        navigator_correct(&n->state, n->lever, accepted, information ? information : exact, c->pose_noise_rad,
+                          c->pose_noise_m);
     }
     n->corrected = *accepted;
     n->corrected_ns = timestamp_ns;

@@ -1,4 +1,4 @@
-/* InertialEstimate (Section 3), first form: orientation by the gyroscope, translation at constant velocity. */
+/* InertialEstimate (Section 3): the samples' way from the pushing thread to the navigator, and the navigator over time. */
 #ifndef FATHOM_INERTIAL_H
 #define FATHOM_INERTIAL_H
 
@@ -7,6 +7,7 @@
 
 #include "arena.h"
 #include "fathom.h"
+#include "navigator.h"
 #include "pose.h"
 
 /* A sample on the depth clock, in camera axes. */
@@ -27,9 +28,10 @@ typedef struct {
     unsigned first, count;
     int64_t period_ns;                    /* typical distance between samples */
     double rotation[9];                   /* v_camera = rotation * v_imu */
-    double gyro_bias[3], gyro_bias_sigma; /* camera axes, rad/s */
-    double velocity[3];                   /* of the camera, world axes, m/s */
-    double velocity_sigma;                /* m/s */
+    double lever[3];                      /* the IMU's origin in camera axes */
+    double gyro_bias[3], gyro_bias_sigma; /* camera axes, rad/s: from stillness before the navigator starts */
+    bool running;                         /* the navigator has a first pose */
+    navigator state;                      /* at the last frame */
     double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
     int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
     pose corrected;       /* that pose */
@@ -39,8 +41,9 @@ typedef struct {
 } inertial;
 
 typedef struct {
-    pose motion;           /* inv(M_from) M_to */
-    double covariance[36]; /* right: motion * exp(error) */
+    pose motion;                /* inv(M_from) M_to */
+    double covariance[36];      /* of the motion: motion * exp(error) */
+    double pose_covariance[36]; /* of the pose at to, with the error that the pose at from already had */
 } inertial_motion;
 
 void inertial_init(inertial *n, arena *a, const fathom_config *config);
@@ -52,11 +55,15 @@ int inertial_push(inertial *n, const fathom_imu_sample *sample);
 /* Takes what has been pushed into the history. */
 void inertial_drain(inertial *n);
 
-/* The camera's motion between two stamps by inertia alone; `at` is the world pose at from_ns. FATHOM_OK or
- * FATHOM_ERROR_NO_DATA. */
-int inertial_estimate(inertial *n, const pose *at, int64_t from_ns, int64_t to_ns, inertial_motion *out);
+/* The camera's motion between two stamps by inertia alone. FATHOM_OK, or FATHOM_ERROR_NO_DATA when there are neither
+ * samples nor an accepted pose. */
+int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_motion *out);
 
-/* An accepted pose: corrects velocity. */
-void inertial_correct(inertial *n, const pose *accepted, int64_t timestamp_ns);
+/* A frame whose pose wasn't accepted: the navigator goes on to its stamp alone. */
+void inertial_advance(inertial *n, int64_t timestamp_ns);
+
+/* An accepted pose corrects the navigator (the first one starts it). information: 6x6 of the pose, camera axes, right
+ * perturbation; directions without information correct nothing. NULL: the pose is exact. */
+void inertial_correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns);
 
 #endif

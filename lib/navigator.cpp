@@ -42,7 +42,8 @@ void navigator_start(navigator *n, const pose *imu_to_world, const double gravit
 }
 
 /* Sola 2017, eq. 260 (nominal) and 268 to 271 (error), with the orientation taken amid the stretch. */
-void navigator_step(navigator *n, double dt, const double gyro[3], const double accel[3], const navigator_noise *noise) {
+void navigator_step(navigator *n, double dt, const double gyro[3], const double accel[3],
+                    const navigator_noise *noise) {
     Eigen::Map<Rotation> r(n->r);
     Eigen::Map<Vector3d> p(n->p), v(n->v);
     Eigen::Map<const Vector3d> gyro_bias(n->gyro_bias), accel_bias(n->accel_bias), gravity(n->gravity);
@@ -103,14 +104,15 @@ static Observation camera_of_error(const navigator *n, const double lever[3]) {
 pose navigator_camera(const navigator *n, const double lever[3]) {
     pose c;
     for (int i = 0; i < 9; i++) c.r[i] = n->r[i];
-    Eigen::Map<Vector3d>(c.t) =
-        Eigen::Map<const Vector3d>(n->p) - Eigen::Map<const Rotation>(n->r) * Eigen::Map<const Vector3d>(lever);
+    Eigen::Map<Vector3d>(c.t) = Eigen::Map<const Vector3d>(n->p) -
+                                Eigen::Map<const Rotation>(n->r) * Eigen::Map<const Vector3d>(lever);
     return c;
 }
 
 void navigator_camera_covariance(const navigator *n, const double lever[3], double covariance[36]) {
     Observation h = camera_of_error(n, lever);
-    Eigen::Map<RowMatrix6>(covariance).noalias() = h * Eigen::Map<const RowCovariance>(n->covariance) * h.transpose();
+    Eigen::Map<RowMatrix6>(covariance).noalias() =
+        h * Eigen::Map<const RowCovariance>(n->covariance) * h.transpose();
 }
 
 void navigator_forget_pose_error(navigator *n) {
@@ -121,12 +123,13 @@ void navigator_forget_pose_error(navigator *n) {
 
 /* Sola 2017, Sections 6.1 and 6.2; with the information Y of the measurement, which may be singular, instead of its
  * covariance: K = P H^T (I + Y H P H^T)^-1 Y. */
-void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world, const double information[36],
-                       double floor_rad, double floor_m) {
+void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
+                       const double information[36], double floor_rad, double floor_m) {
     Eigen::Map<RowCovariance> stored(n->covariance);
     Covariance c = stored;
     Observation h = camera_of_error(n, lever);
-    Matrix6 y = Eigen::Map<const RowMatrix6>(information), floors = Matrix6::Zero(), identity = Matrix6::Identity();
+    Matrix6 y = Eigen::Map<const RowMatrix6>(information), floors = Matrix6::Zero(),
+            identity = Matrix6::Identity();
     for (int i = 0; i < 6; i++) floors(i, i) = i < 3 ? floor_rad * floor_rad : floor_m * floor_m;
     y = y * (identity + floors * y).partialPivLu().inverse(); /* (Y^-1 + floors)^-1 */
     y = 0.5 * (y + y.transpose()).eval();
@@ -142,8 +145,7 @@ void navigator_correct(navigator *n, const double lever[3], const pose *camera_t
     stored = 0.5 * (c + c.transpose());
 
     pose turned = {{0}, {0}};
-    Eigen::Map<Rotation>(turned.r) =
-        Eigen::Map<const Rotation>(n->r) * rotation_exp(e.segment<3>(ROTATION));
+    Eigen::Map<Rotation>(turned.r) = Eigen::Map<const Rotation>(n->r) * rotation_exp(e.segment<3>(ROTATION));
     pose_normalise(&turned);
     for (int i = 0; i < 9; i++) n->r[i] = turned.r[i];
     for (int i = 0; i < 3; i++) {

@@ -18,9 +18,9 @@ extern "C" {
 
 typedef struct {
     int64_t timestamp_ns;
-    double r[9], p[3], v[3];             /* orientation, position, velocity: IMU to world */
-    double gyro_bias[3], accel_bias[3];  /* rad/s, m/s^2, IMU (camera-parallel) axes */
-    double gravity[3];                   /* m/s^2, world: what a free fall accelerates by */
+    double r[9], p[3], v[3];            /* orientation, position, velocity: IMU to world */
+    double gyro_bias[3], accel_bias[3]; /* rad/s, m/s^2, IMU (camera-parallel) axes */
+    double gravity[3];                  /* m/s^2, world: what a free fall accelerates by */
     double covariance[NAVIGATOR_STATES * NAVIGATOR_STATES];
 } navigator;
 
@@ -39,13 +39,14 @@ void navigator_start(navigator *n, const pose *imu_to_world, const double gravit
 
 /* Goes on by dt seconds (negative: back, the covariance stays) at the mean angular rate and specific force of the stretch,
  * biases still in them. accel NULL: unknown, so at constant velocity. */
-void navigator_step(navigator *n, double dt, const double gyro[3], const double accel[3], const navigator_noise *noise);
+void navigator_step(navigator *n, double dt, const double gyro[3], const double accel[3],
+                    const navigator_noise *noise);
 
 /* A camera pose with its information (6x6, right perturbation of the camera's pose, rotation then translation): directions
  * without information correct nothing. floor_rad and floor_m: sigma of what no information counts. lever: the IMU's
  * origin in camera axes. */
-void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world, const double information[36],
-                       double floor_rad, double floor_m);
+void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
+                       const double information[36], double floor_rad, double floor_m);
 
 /* The camera's pose, and the covariance of it (right perturbation). */
 pose navigator_camera(const navigator *n, const double lever[3]);

@@ -8,6 +8,10 @@
 
 #include <stdbool.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct {
     double r[9]; /* rotation, row-major */
     double t[3]; /* translation */
@@ -42,5 +46,9 @@ void covariance_transport(const double a[36], const double c[36], double out[36]
 bool covariance_invert(const double c[36], double out[36]);
 /* Mahalanobis distance sqrt(e^T c^-1 e) by Cholesky; INFINITY when c isn't positive definite. */
 double covariance_mahalanobis(const double c[36], const double e[6]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

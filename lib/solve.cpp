@@ -80,11 +80,15 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
         double noise = largest / (prior->max_condition * prior->max_condition);
         Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;
         Vector6 right = joint * to_origin.inverse() * Eigen::Map<const Vector6>(prior->mean);
+        Matrix6 own = Matrix6::Zero();
         for (int i = 0; i < 6; i++) {
             double information = std::max(squared[i] - noise, 0.0) / variance;
-            joint += information * v.col(i) * v.col(i).transpose();
+            own += information * v.col(i) * v.col(i).transpose();
             if (squared[i] > 1e-12 * largest) right += v.col(i) * (information * projected[i] / squared[i]);
         }
+        joint += own;
+        Matrix6 from_origin = to_origin.inverse();
+        Eigen::Map<Matrix6>(s->information) = from_origin.transpose() * own * from_origin;
         Eigen::LDLT<Eigen::Matrix<double, 6, 6>> factor(joint);
         y = factor.solve(right);
         covariance = factor.solve(Matrix6::Identity());

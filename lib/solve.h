@@ -29,6 +29,9 @@ typedef struct {
     double covariance
         [36]; /* (A^T A)^-1 of twist for unit variance of a pair of weight 1; directions that the pairs
                               leave free get a large, finite variance */
+    double information
+        [36]; /* of twist, from the pairs alone, in true units, without the share that noise makes; zero
+                               where no prior was given */
 } solution;
 
 /* Adds one strip's sums, as the kernel wrote them, in double precision. */

@@ -17,31 +17,6 @@ static double now_ms(void) {
     return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
 }
 
-/* The camera's way since the last frame: by the caller's hook, by inertia, or, knowing nothing, none. */
-static inertial_motion inertial_seed(fathom *f, int64_t from_ns, int64_t to_ns) {
-    inertial_motion d;
-    fathom_motion given;
-    const fathom_config *c = &f->config;
-    if (c->inertial_hook && c->inertial_hook(c->inertial_user, from_ns, to_ns, &given) == FATHOM_OK &&
-        pose_from_matrix(given.motion, &d.motion)) {
-        bool good = true;
-        for (int i = 0; i < 36; i++) {
-            d.covariance[i] = given.covariance[i];
-            good = good && isfinite(d.covariance[i]) && (i % 7 != 0 || d.covariance[i] >= 0);
-        }
-        if (good) return d;
-    }
-    if (inertial_estimate(&f->inertial, &f->pose, from_ns, to_ns, &d) == FATHOM_OK) return d;
-    d.motion = pose_identity();
-    double dt = 1e-9 * (double)(to_ns - from_ns);
-    memset(d.covariance, 0, sizeof d.covariance);
-    for (int i = 0; i < 3; i++) {
-        d.covariance[7 * i] = fmin(dt * dt, 1e6);
-        d.covariance[7 * (i + 3)] = fmin(0.25 * dt * dt, 1e6);
-    }
-    return d;
-}
-
 /* The covariance of pose * motion: the old error seen from the new camera, and the motion's own. */
 static void propagate(const double old[36], const inertial_motion *d, double out[36]) {
     pose inverse = pose_inverse(&d->motion);
@@ -49,6 +24,32 @@ static void propagate(const double old[36], const inertial_motion *d, double out
     pose_adjoint(&inverse, adjoint);
     covariance_transport(adjoint, old, out);
     for (int i = 0; i < 36; i++) out[i] += d->covariance[i];
+}
+
+/* The camera's way since the last frame: by the caller's hook, by inertia, or, knowing nothing, none. */
+static inertial_motion inertial_seed(fathom *f, int64_t from_ns, int64_t to_ns) {
+    inertial_motion d;
+    fathom_motion given;
+    const fathom_config *c = &f->config;
+    bool hooked = c->inertial_hook &&
+                  c->inertial_hook(c->inertial_user, from_ns, to_ns, &given) == FATHOM_OK &&
+                  pose_from_matrix(given.motion, &d.motion);
+    for (int i = 0; hooked && i < 36; i++) {
+        d.covariance[i] = given.covariance[i];
+        hooked = isfinite(d.covariance[i]) && (i % 7 != 0 || d.covariance[i] >= 0);
+    }
+    if (!hooked && inertial_estimate(&f->inertial, from_ns, to_ns, &d) == FATHOM_OK) return d;
+    if (!hooked) {
+        d.motion = pose_identity();
+        double dt = 1e-9 * ((double)to_ns - (double)from_ns);
+        memset(d.covariance, 0, sizeof d.covariance);
+        for (int i = 0; i < 3; i++) {
+            d.covariance[7 * i] = fmin(dt * dt, 1e6);
+            d.covariance[7 * (i + 3)] = fmin(0.25 * dt * dt, 1e6);
+        }
+    }
+    propagate(f->covariance, &d, d.pose_covariance);
+    return d;
 }
 
 static double position_sigma(const double covariance[36]) {
@@ -130,7 +131,7 @@ static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result 
     r->verdict = f->started ? FATHOM_VERDICT_TRACKING : FATHOM_VERDICT_NO_DEPTH;
     if (!f->started) return;
     keep_as_reference(f, &f->pose);
-    inertial_correct(&f->inertial, &f->pose, r->timestamp_ns);
+    inertial_correct(&f->inertial, &f->pose, NULL, r->timestamp_ns);
     memset(f->covariance, 0, sizeof f->covariance);
     for (int i = 0; i < 6; i++) f->covariance[7 * i] = 1e-10; /* the first frame is the world */
 }
@@ -139,8 +140,8 @@ static void next_step(fathom *f, fathom_result *r) {
     const fathom_config *c = &f->config;
     inertial_motion d = inertial_seed(f, f->timestamp_ns, r->timestamp_ns);
     pose seed = pose_multiply(&f->pose, &d.motion);
-    double predicted[36], twist[6];
-    propagate(f->covariance, &d, predicted);
+    const double *predicted = d.pose_covariance;
+    double twist[6];
     r->seeded = position_sigma(predicted) < c->seeded_sigma_m;
     const int *budget = r->seeded ? c->seeded_iterations : c->iterations;
     alignment icp;
@@ -158,11 +159,12 @@ static void next_step(fathom *f, fathom_result *r) {
         memcpy(f->covariance, icp.covariance, sizeof f->covariance);
         if (!f->paused) fuse(f, &f->pose, r);
         keep_as_reference(f, &f->pose);
-        inertial_correct(&f->inertial, &f->pose, r->timestamp_ns);
+        inertial_correct(&f->inertial, &f->pose, icp.information, r->timestamp_ns);
         r->state = FATHOM_TRACKED;
     } else {
         f->pose = seed;
         memcpy(f->covariance, predicted, sizeof f->covariance);
+        inertial_advance(&f->inertial, r->timestamp_ns);
         r->state = position_sigma(predicted) > c->lost_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
     }
 }

@@ -4,9 +4,9 @@
 
 #include "kernel_checks_bench.h"
 
-/* A term is a product of five factors, each known to a few units in the last place (6e-8), and up to some twenty of them
- * are added one after the other. */
-#define SUM_TOLERANCE 5e-8
+/* Relative to what a sum is made of before anything cancels. Five roundings (6e-8 each) a term; that they don't all point
+ * the same way pays for adding some twenty terms up. Measured: 1e-7 holds on PoCL, 5e-8 doesn't. */
+#define SUM_TOLERANCE 3e-7
 
 void compare_align_reduce(bench *b, const float *depth, float *normals, const kernel_camera *c,
                           const float *model, const kernel_camera *mc, const kernel_rigid *motion,

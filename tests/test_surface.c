@@ -21,7 +21,7 @@
 
 /* Sanitized code is several times slower. */
 #if defined(__SANITIZE_ADDRESS__)
-#define FRAMES "60"
+#define FRAMES "120"
 #define EVERY 6 /* frames looked at for completeness: every so many */
 #else
 #define FRAMES "300"
@@ -30,16 +30,17 @@
 #define ROOM_SEED 1 /* fathom simulate's default */
 #define NEAREST_M 0.3
 #define FARTHEST_M 5.0
-#define CELL_M 0.01       /* the true surface is counted in cells of this edge */
-#define COVERED_M 0.01    /* a mesh within this covers it */
-#define TRIANGLE_CELL 0.02 /* edge of the grid that finds triangles: twice COVERED_M, so that eight cells do */
+#define CELL_M 0.01    /* the true surface is counted in cells of this edge */
+#define COVERED_M 0.01 /* a mesh within this covers it */
+#define TRIANGLE_CELL                                                                                        \
+    0.02 /* edge of the grid that finds triangles: twice COVERED_M, so that eight cells do */
 
 typedef struct {
     char folder[256];
-    char summary[512];   /* of the replay */
+    char summary[512]; /* of the replay */
     fathom_recording *recording;
     struct scene scene;
-    double first[12];    /* the first frame's true pose, 3x4: from the mesh's frame to the scene's */
+    double first[12]; /* the first frame's true pose, 3x4: from the mesh's frame to the scene's */
     size_t vertex_count, triangle_count;
     double (*vertices)[3]; /* in the scene's frame */
     int32_t (*triangles)[3];
@@ -133,7 +134,8 @@ static int make(void **state) {
     char recording[300], mesh[300], output[300];
     if (!s) return -1;
     *state = s;
-    snprintf(s->folder, sizeof s->folder, "%s/fathom-surface-XXXXXX", temporary && *temporary ? temporary : "/tmp");
+    snprintf(s->folder, sizeof s->folder, "%s/fathom-surface-XXXXXX",
+             temporary && *temporary ? temporary : "/tmp");
     if (!mkdtemp(s->folder)) return -1;
     snprintf(recording, sizeof recording, "%s/room", s->folder);
     snprintf(mesh, sizeof mesh, "%s/mesh.ply", s->folder);
@@ -258,8 +260,8 @@ static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static double squared_distance(const double p[3], const double q[3], const double a[3], double t, const double b[3],
-                               double u) {
+static double squared_distance(const double p[3], const double q[3], const double a[3], double t,
+                               const double b[3], double u) {
     double sum = 0;
     for (int i = 0; i < 3; i++) {
         const double e = q[i] + t * a[i] + u * b[i] - p[i];
@@ -302,7 +304,7 @@ typedef struct {
     size_t size, used;
     struct {
         int32_t triangle, next;
-    } *entries;
+    } * entries;
 } triangle_grid;
 
 static void grid_make(triangle_grid *g, const surface_test *s) {
@@ -394,8 +396,8 @@ static void the_distance_to_a_triangle_is_right(void **state) {
     const double a[3] = {0, 0, 0}, b[3] = {4, 0, 0}, c[3] = {0, 4, 0};
     const struct {
         double p[3], distance;
-    } cases[] = {{{1, 1, 0}, 0},   {{1, 1, 2}, 2},   {{-3, -4, 0}, 5}, {{7, -4, 0}, 5},  {{-4, 7, 0}, 5},
-                 {{2, -3, 0}, 3},  {{-3, 2, 0}, 3},  {{4, 4, 0}, sqrt(8)}, {{2, 2, -1}, 1}};
+    } cases[] = {{{1, 1, 0}, 0},  {{1, 1, 2}, 2},  {{-3, -4, 0}, 5},     {{7, -4, 0}, 5}, {{-4, 7, 0}, 5},
+                 {{2, -3, 0}, 3}, {{-3, 2, 0}, 3}, {{4, 4, 0}, sqrt(8)}, {{2, 2, -1}, 1}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         assert_true(fabs(sqrt(triangle_distance2(cases[i].p, a, b, c)) - cases[i].distance) < 1e-12);
 }
