@@ -24,6 +24,7 @@ struct fathom {
     bool started;          /* the first surface has been fused */
     pose reference;        /* FATHOM_AGAINST_PREVIOUS: pose of the frame in the model maps */
     bool paused;
+    bool said_full; /* the log knows that the pool is full */
     int64_t frames_ignored;
     fathom_result result; /* of the last frame */
 };

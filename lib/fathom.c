@@ -124,7 +124,7 @@ static void start_over(fathom *f) {
     pose_from_matrix(f->config.first_pose, &f->pose);
     memset(f->covariance, 0, sizeof f->covariance);
     f->timestamp_ns = INT64_MIN;
-    f->started = false;
+    f->started = f->said_full = false;
     memset(&f->result, 0, sizeof f->result);
     f->result.state = FATHOM_RECKONED;
     f->result.verdict = FATHOM_VERDICT_NO_DEPTH;
@@ -221,12 +221,13 @@ int fathom_step(fathom *f, const fathom_depth_frame *frame, fathom_result *resul
         *result = f->result;
         return e;
     }
-    bool was_full = f->result.pool_full;
     step(f, frame, result);
-    if (result->pool_full && !was_full)
+    if (result->pool_full && !f->said_full) {
+        f->said_full = true;
         device_log(&f->config, FATHOM_LOG_WARNING,
                    "the block pool is full (%d blocks): the surface no longer grows, tracking goes on",
                    f->volume.capacity);
+    }
     return f->device.error;
 }
 

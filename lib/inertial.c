@@ -12,8 +12,9 @@
 #define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
 #define ACCEL_WALK 2e-3         /* m/s^2/sqrt(s), the same of the accelerometer's */
 #define COAST_SECONDS 10.0      /* without samples: no hand keeps its velocity and turn for longer */
-#define HAND_SECONDS 0.2        /* how long a hand's acceleration lasts */
-#define EXACT 1e12              /* information, 1/rad^2 and 1/m^2, of an exact pose */
+#define LATE_SAMPLES 50  /* so many out of order in a row are right and the one before them was wrong */
+#define HAND_SECONDS 0.2 /* how long a hand's acceleration lasts */
+#define EXACT 1e12       /* information, 1/rad^2 and 1/m^2, of an exact pose */
 
 static unsigned ring_capacity(const fathom_config *c) {
     unsigned n = 64, wanted = c->imu_capacity > 0 ? (unsigned)c->imu_capacity : 4096;
@@ -113,9 +114,16 @@ static void append(inertial *n, const fathom_imu_sample *raw) {
         int64_t step = s.timestamp_ns - sample_at(n, n->count - 1)->timestamp_ns;
         if (step <= 0) {
             n->counters.imu_out_of_order++;
-            return;
+            if (++n->late < LATE_SAMPLES) return;
+            n->count =
+                0; /* not stragglers: the clock was set back, or one stamp lay far ahead. Start anew from here */
+            n->period_ns = 0;
+            step = 0;
         }
-        if (n->period_ns > 0 && step > 5 * n->period_ns) {
+        n->late = 0;
+        if (n->count == 0) {
+            n->still_samples = 0;
+        } else if (n->period_ns > 0 && step > 5 * n->period_ns) {
             n->counters.imu_gaps++;
             n->still_samples = 0;
         } else {

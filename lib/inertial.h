@@ -35,6 +35,7 @@ typedef struct {
     double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
     int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
     pose corrected;       /* that pose */
+    int late;             /* samples out of order in a row */
     int still_samples;    /* length of the stillness at hand */
     double still_sum[3], still_accel[3];
     fathom_counters counters;

@@ -136,7 +136,7 @@ static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result 
     for (int i = 0; i < 6; i++) f->covariance[7 * i] = 1e-10; /* the first frame is the world */
 }
 
-static void next_step(fathom *f, fathom_result *r) {
+static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     const fathom_config *c = &f->config;
     inertial_motion d = inertial_seed(f, f->timestamp_ns, r->timestamp_ns);
     pose seed = pose_multiply(&f->pose, &d.motion);
@@ -152,7 +152,7 @@ static void next_step(fathom *f, fathom_result *r) {
     r->prior_rotation_rad = (float)pose_angle(&correction);
     r->prior_translation_m = (float)pose_distance(&correction);
     r->innovation_sigmas = (float)covariance_mahalanobis(predicted, twist);
-    r->verdict = judge(c, &icp, r->innovation_sigmas);
+    r->verdict = has_depth(c, scan) ? judge(c, &icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
 
     if (r->verdict == FATHOM_VERDICT_TRACKING) {
         f->pose = icp.motion;
@@ -179,7 +179,7 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     r->ms_maps = (float)(now_ms() - start);
 
     if (f->started)
-        next_step(f, r);
+        next_step(f, scan, r);
     else
         first_step(f, scan, r);
 

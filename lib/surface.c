@@ -88,7 +88,7 @@ static int emit(surface_output *s, device *d, volume *v, const kernel_surface *f
     }
     device_unmap(d, &s->offsets, offsets);
     cl_int from = first;
-    /* groups of one: Intel's compiler for CPUs (2025.3), given more, makes wrong normals of several blocks at once */
+    /* groups of one: Intel's compiler for CPUs (2026.2.0), given more, makes wrong normals of several blocks at once */
     RUN(d, s->emit, (size_t)blocks, 1, 1, ARG(v->voxels.memory), ARG(v->table.memory), ARG(*f),
         ARG(v->blocks.memory), ARG(s->cases.memory), ARG(from), ARG(s->offsets.memory),
         ARG(s->vertices.memory));

@@ -100,7 +100,7 @@ void align_reduce(global const float *depth, global const float *normals, camera
         float4 m = model[at];
         vfloat nx = m.x, ny = m.y, nz = m.z, mz = m.w, uf = (float)ui, vf = (float)vi;
 #endif
-        valid = valid && mz > 0.0f;
+        valid = valid && mz > 0.0f && (nx != 0.0f || ny != 0.0f || nz != 0.0f);
         s[34] += SELECT((vfloat)(0.0f), (vfloat)(1.0f), valid);
         vfloat dx = (uf - mc.cx) / mc.fx * mz - px, dy = (vf - mc.cy) / mc.fy * mz - py, dz = mz - pz;
         vfloat spread = 1.0f + limits.growth * z * z;

@@ -64,10 +64,12 @@ kernel void fuse_blocks(global const float4 *scan, camera c, float2 noise, rigid
     float radius = 3.5f * 1.7320508f * voxel;
     float3 m = o + 3.5f * (ex + ey + ez);
     if (m.z < -radius) return;
-    float far_z = fmax(m.z, 0.0f);
-    float side_x = radius * sqrt(c.fx * c.fx + c.cx * c.cx) * 2.0f, side_y = radius * sqrt(c.fy * c.fy + c.cy * c.cy) * 2.0f;
-    if (m.x * c.fx + c.cx * far_z < -side_x || m.x * c.fx + (c.cx - (float)c.width) * far_z > side_x) return;
-    if (m.y * c.fy + c.cy * far_z < -side_y || m.y * c.fy + (c.cy - (float)c.height) * far_z > side_y) return;
+    float z = fmax(m.z, 0.0f); /* the frustum's sides: u = -1/2, u = width - 1/2 and so on, as planes through the camera */
+    float left = c.cx + 0.5f, right = (float)c.width - 0.5f - c.cx, up = c.cy + 0.5f, down = (float)c.height - 0.5f - c.cy;
+    if (m.x * c.fx + left * z < -radius * sqrt(c.fx * c.fx + left * left)) return;
+    if (m.x * c.fx - right * z > radius * sqrt(c.fx * c.fx + right * right)) return;
+    if (m.y * c.fy + up * z < -radius * sqrt(c.fy * c.fy + up * up)) return;
+    if (m.y * c.fy - down * z > radius * sqrt(c.fy * c.fy + down * down)) return;
 
     global short *distances = voxels + (size_t)index * 2 * BLOCK_VOXELS;
     global ushort *weights = (global ushort *)(distances + BLOCK_VOXELS);

@@ -33,7 +33,7 @@ static met find_pair(const float *depth, const float *normals, const kernel_came
     int column = ref_floor(u, PIXEL_SLACK, doubt), row = ref_floor(v, PIXEL_SLACK, doubt);
     if (column < 0 || row < 0 || column >= mc->width || row >= mc->height) return NOTHING;
     const float *m = model + 4 * (row * mc->width + column);
-    if (!(m[3] > 0)) return NOTHING;
+    if (!(m[3] > 0) || (m[0] == 0 && m[1] == 0 && m[2] == 0)) return NOTHING; /* no surface, or none with a normal */
 
     double scan_normal[3], turned[3], gap[3];
     for (int i = 0; i < 3; i++) {
