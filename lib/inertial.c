@@ -189,7 +189,11 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     bool inside = imu && i >= 0 && i + 1 < (int)n->count;
     bool gap = inside && (double)(sample_at(n, (unsigned)(i + 1))->timestamp_ns -
                                   sample_at(n, (unsigned)i)->timestamp_ns) > 5e9 * period;
-    bool covered = (inside && !gap) || (imu && dt < 1.5 * period);
+    bool near = false; /* just before the first sample or after the last */
+    if (imu && i < 0) near = (double)sample_at(n, 0)->timestamp_ns - (double)early < 1.5e9 * period;
+    if (imu && i + 1 == (int)n->count)
+        near = (double)late - (double)sample_at(n, n->count - 1)->timestamp_ns < 1.5e9 * period;
+    bool covered = (inside && !gap) || near;
     if (!covered) dt = fmin(dt, COAST_SECONDS);
     if (imu) {
         sample_between(n, early, i, w0, a0);
@@ -201,7 +205,13 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     } else {
         for (int k = 0; k < 3; k++) gyro[k] = n->turning[k] + s->gyro_bias[k];
     }
-    if (!covered) noise.turn = c->motion_turn_sigma * dt * dt;
+    if (!covered) { /* the angle grows as motion_turn_sigma T^2 with the time T since the rate was known, however it is cut */
+        int64_t known = imu && i >= 0 ? sample_at(n, (unsigned)i)->timestamp_ns
+                        : imu         ? early
+                                      : n->corrected_ns;
+        double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), COAST_SECONDS);
+        noise.turn = c->motion_turn_sigma * sqrt(pow(age + dt, 4) - pow(age, 4));
+    }
     bool force = covered && c->imu_translation && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
     if (force) noise.accel = c->accel_noise;
     navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
