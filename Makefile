@@ -35,6 +35,10 @@ DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm
 DRIVERS_LIBS = $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 
+# make V=1 shows the commands whole.
+Q = $(if $(V),,@)
+say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
+
 .PHONY: all deps demo check bench install uninstall clean help objects
 .DELETE_ON_ERROR:
 
@@ -46,37 +50,46 @@ deps-check:
 
 $(BUILD)/%.c.o: %.c Makefile
 	@mkdir -p $(@D)
-	$(CC) $(CPPFLAGS) $(ALL_CFLAGS) -c $< -o $@
+	$(call say,CC)
+	$(Q)$(CC) $(CPPFLAGS) $(ALL_CFLAGS) -c $< -o $@
 
 $(BUILD)/%.cpp.o: %.cpp Makefile
 	@mkdir -p $(@D)
-	$(CXX) $(CPPFLAGS) $(ALL_CXXFLAGS) -c $< -o $@
+	$(call say,CXX)
+	$(Q)$(CXX) $(CPPFLAGS) $(ALL_CXXFLAGS) -c $< -o $@
 
 # The kernels' text, one C string a file, so that nothing has to be installed beside the library.
 $(BUILD)/kernels.c: $(KERNELS) lib/embed.sh
 	@mkdir -p $(@D)
-	sh lib/embed.sh $(KERNELS) > $@
+	$(call say,GEN)
+	$(Q)sh lib/embed.sh $(KERNELS) > $@
 
 $(BUILD)/kernels.o: $(BUILD)/kernels.c
-	$(CC) $(CPPFLAGS) $(ALL_CFLAGS) -c $< -o $@
+	$(call say,CC)
+	$(Q)$(CC) $(CPPFLAGS) $(ALL_CFLAGS) -c $< -o $@
 
 $(LIB_SO): $(LIB_OBJ)
-	$(CXX) -shared -Wl,-soname,libfathom.so.$(VERSION_MAJOR) -Wl,--no-undefined -o $@ $^ $(ALL_LDFLAGS) $(LIB_LIBS)
+	$(call say,LD)
+	$(Q)$(CXX) -shared -Wl,-soname,libfathom.so.$(VERSION_MAJOR) -Wl,--no-undefined -o $@ $^ $(ALL_LDFLAGS) $(LIB_LIBS)
 
 $(BUILD)/libfathom.so: $(LIB_SO)
-	ln -sf libfathom.so.$(VERSION) $(BUILD)/libfathom.so.$(VERSION_MAJOR)
-	ln -sf libfathom.so.$(VERSION_MAJOR) $@
+	$(call say,LN)
+	$(Q)ln -sf libfathom.so.$(VERSION) $(BUILD)/libfathom.so.$(VERSION_MAJOR)
+	$(Q)ln -sf libfathom.so.$(VERSION_MAJOR) $@
 
 $(BUILD)/libfathom.a: $(LIB_OBJ)
-	rm -f $@
-	$(AR) rcs $@ $^
+	$(call say,AR)
+	$(Q)rm -f $@
+	$(Q)$(AR) rcs $@ $^
 
 $(DRIVERS_A): $(DRIVERS_OBJ)
-	rm -f $@
-	$(AR) rcs $@ $^
+	$(call say,AR)
+	$(Q)rm -f $@
+	$(Q)$(AR) rcs $@ $^
 
 $(BUILD)/fathom: $(CLI_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a
-	$(CXX) -o $@ $(CLI_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $(CLI_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 
 # ---- house ----------------------------------------------------------------------------------------------------------
@@ -135,7 +148,8 @@ SUPPORT_OBJ = $(filter-out $(CHECK_OBJ),$(patsubst %,$(BUILD)/%.o,$(filter-out $
 CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
 
 $(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
-	$(CXX) -o $@ $< $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $< $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
 
 .PHONY: tests
 .SECONDARY:
