@@ -147,6 +147,8 @@ int fathom_init(fathom **context, const fathom_config *config, void *memory, siz
     size_t lost;
     arena a = {arena_align(memory, &lost), 0, 0};
     a.size = size - lost;
+    /* every page is made resident now, not when the surface first grows into it: nothing is left to run short later */
+    for (size_t i = 0; i < a.size && i < (size_t)plan.host_bytes; i += 4096) a.base[i] = 0;
     fathom *f = arena_take(&a, sizeof *f);
     memset(f, 0, sizeof *f);
     f->config = *config;
