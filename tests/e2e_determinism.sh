@@ -2,6 +2,7 @@
 # A scan's outcome doesn't depend on the number of threads: poses, figures, blocks and mesh are the same to the last bit.
 # Usage: sh tests/e2e_determinism.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
+. "$(dirname "$0")/tap.sh"
 
 build=${1:?usage: sh tests/e2e_determinism.sh BUILD_DIR}
 fathom=$(cd "$build" && pwd)/fathom
@@ -9,22 +10,6 @@ work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-determinism-XXXXXX") || exit 1
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
 cd "$work" || exit 1
-
-number=0
-failed=0
-
-# check TEXT: reports on the status of the command before it.
-check() {
-    result=$?
-    number=$((number + 1))
-    if [ $result -eq 0 ]; then
-        echo "ok $number - $1"
-    else
-        echo "not ok $number - $1"
-        sed 's/^/#   /' err 2>/dev/null
-        failed=$((failed + 1))
-    fi
-}
 
 # replay NAME THREADS OPTIONS...: into NAME.txt, NAME.csv (without the times) and NAME.ply.
 replay() {

@@ -2,6 +2,7 @@
 # The kernel checks under Oclgrind, a simulator that sees every access beyond a buffer's end, every data race and every
 # wrong API call. Usage: sh tests/e2e_oclgrind.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
+. "$(dirname "$0")/tap.sh"
 
 build=${1:?usage: sh tests/e2e_oclgrind.sh BUILD_DIR}
 text="kernels under Oclgrind"
@@ -12,22 +13,6 @@ fi
 work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-oclgrind-XXXXXX") || exit 1
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
-
-number=0
-failed=0
-
-# check TEXT FILE: reports on the status of the command before it; FILE tells what went wrong.
-check() {
-    result=$?
-    number=$((number + 1))
-    if [ $result -eq 0 ]; then
-        echo "ok $number - $1"
-    else
-        echo "not ok $number - $1"
-        head -n 40 "$2" | sed 's/^/#   /'
-        failed=$((failed + 1))
-    fi
-}
 
 # Oclgrind 21.10 itself crashes with --uninitialized, on selections between vectors.
 # The folder for kernel caches is new: Oclgrind must compile what is there now.

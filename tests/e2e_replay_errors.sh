@@ -1,9 +1,10 @@
 #!/bin/sh
 # Bad input, end to end: what `fathom replay` says, how it exits, and that nothing good is lost.
-# Usage: sh tests/replay_errors.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
+# Usage: sh tests/e2e_replay_errors.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
+. "$(dirname "$0")/tap.sh"
 
-build=${1:?usage: sh tests/replay_errors.sh BUILD_DIR}
+build=${1:?usage: sh tests/e2e_replay_errors.sh BUILD_DIR}
 fathom=$(cd "$build" && pwd)/fathom
 work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-replay-errors-XXXXXX") || exit 1
 trap 'rm -rf "$work"' EXIT
@@ -11,23 +12,6 @@ trap 'exit 1' INT TERM
 export XDG_CACHE_HOME="$work/cache" POCL_CACHE_DIR="$work/cache/pocl"
 mkdir -p "$work/cache/pocl"
 cd "$work" || exit 1
-
-number=0
-failed=0
-
-# check TEXT: reports on the status of the command before it.
-check() {
-    result=$?
-    number=$((number + 1))
-    if [ $result -eq 0 ]; then
-        echo "ok $number - $1"
-    else
-        echo "not ok $number - $1"
-        sed 's/^/#   /' err out 2>/dev/null
-        echo "#   exit status ${status:-?}"
-        failed=$((failed + 1))
-    fi
-}
 
 # A fresh copy of the good recording.
 fresh() { rm -rf r && cp -r good r; }
