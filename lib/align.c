@@ -37,8 +37,7 @@ static void reduce(aligner *a, device *d, depth_maps *maps, int level, const pos
                    const double centre[3], normal_equations *e) {
     const fathom_config *c = a->config;
     const kernel_camera *camera = &maps->camera[level];
-    kernel_pair_limits limits = {
-        (cl_float)(distance * distance), cosf(c->pair_angle_rad), c->huber_m, 0, {{0}}};
+    kernel_pair_limits limits = {(cl_float)(distance * distance), cosf(c->pair_angle_rad), c->huber_m, {{0}}};
     for (int i = 0; i < 3; i++) limits.centre.s[i] = (cl_float)centre[i];
     kernel_rigid rigid = kernel_rigid_of(motion);
     RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group,

@@ -43,7 +43,6 @@ typedef struct {
     cl_float distance2;
     cl_float cos_angle;
     cl_float huber;
-    cl_float growth;
     cl_float4 centre;
 } kernel_pair_limits;
 

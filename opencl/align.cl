@@ -42,7 +42,6 @@ typedef struct {
     float distance2;    /* most squared distance of a pair, m^2 */
     float cos_angle;    /* least cosine between the normals */
     float huber;        /* residual where the weight begins to fall, m */
-    float growth;       /* the two limits grow with depth squared: times 1 + growth z^2 */
     float4 centre;      /* point that rotations are taken about, model camera */
 } pair_limits;
 
@@ -103,8 +102,7 @@ void align_reduce(global const float *depth, global const float *normals, camera
         valid = valid && mz > 0.0f && (nx != 0.0f || ny != 0.0f || nz != 0.0f);
         s[34] += SELECT((vfloat)(0.0f), (vfloat)(1.0f), valid);
         vfloat dx = (uf - mc.cx) / mc.fx * mz - px, dy = (vf - mc.cy) / mc.fy * mz - py, dz = mz - pz;
-        vfloat spread = 1.0f + limits.growth * z * z;
-        valid = valid && dx * dx + dy * dy + dz * dz < limits.distance2 * spread * spread;
+        valid = valid && dx * dx + dy * dy + dz * dz < limits.distance2;
         /* the scan's normal, turned into the model's camera */
         vfloat qx = VLOAD(normals + i), qy = VLOAD(normals + c.plane + i), qz = VLOAD(normals + 2 * c.plane + i);
         vfloat cosine = nx * (motion.x.x * qx + motion.x.y * qy + motion.x.z * qz) +
@@ -112,8 +110,7 @@ void align_reduce(global const float *depth, global const float *normals, camera
                         nz * (motion.z.x * qx + motion.z.y * qy + motion.z.z * qz);
         valid = valid && cosine > limits.cos_angle;
         vfloat b = nx * dx + ny * dy + nz * dz;
-        vfloat huber = limits.huber * spread;
-        vfloat w = confidence * huber / fmax(fabs(b), huber);
+        vfloat w = confidence * limits.huber / fmax(fabs(b), limits.huber);
         /* an invalid lane may hold anything, NaN too: clear the factors, not only the weight */
         vfloat zero = 0.0f;
         w = SELECT(zero, w, valid);

@@ -11,7 +11,7 @@
 
 /* Which blocks near the scan's surface are not there yet? Each tile of pixels walks its rays through the truncation band
  * and lists the missing blocks it meets, each once, in its own slots: no atomics, so nothing depends on the order of
- * threads. Tiles overlap in what they ask for; the host sorts and drops doubles. A tile with more than TILE_SLOTS asks
+ * threads. Tiles overlap in what they ask for; the host takes them in order and drops doubles. A tile with more than TILE_SLOTS asks
  * for the rest in the next frame. Global size: tiles. requests: TILE_SLOTS int4 a tile; counts: one int a tile. */
 kernel void request_blocks(global const float *depth, camera c, rigid pose, float block_m, float truncation,
                            global const int4 *table, uint mask, global int4 *requests, global int *counts) {

@@ -72,8 +72,7 @@ static void free_scan(scan *s) {
 }
 
 static kernel_pair_limits random_limits(bench *b) {
-    kernel_pair_limits l = {0.01f, 0.76f, 0.005f, 0, {{0, 0, 1.5f, 0}}};
-    l.growth = bench_random_int(b, 0, 1) ? 0.3f : 0;
+    kernel_pair_limits l = {0.01f, 0.76f, 0.005f, {{0, 0, 1.5f, 0}}};
     for (int i = 0; i < 3; i++) l.centre.s[i] += (float)bench_random(b, -0.5, 0.5);
     return l;
 }

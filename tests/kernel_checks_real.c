@@ -64,7 +64,7 @@ static void check_frames(bench *b, const fathom_recording *recording, uint16_t *
     pose moved = bench_motion(b, 0.01, 0.01), turned = bench_motion(b, 1, 1), back = pose_inverse(&turned);
     kernel_rigid motion = kernel_rigid_of(&moved), to_world = kernel_rigid_of(&turned),
                  to_camera = kernel_rigid_of(&back);
-    kernel_pair_limits limits = {0.01f, 0.76f, 0.005f, 0, {{0, 0, 1.5f, 0}}};
+    kernel_pair_limits limits = {0.01f, 0.76f, 0.005f, {{0, 0, 1.5f, 0}}};
     ref_pack_map(depth[0], normals[0], &c, model);
     compare_halve_map(b, model, &c);
     compare_align_reduce(b, depth[1], normals[1], &c, model, &c, &motion, &limits);

@@ -33,7 +33,8 @@ static met find_pair(const float *depth, const float *normals, const kernel_came
     int column = ref_floor(u, PIXEL_SLACK, doubt), row = ref_floor(v, PIXEL_SLACK, doubt);
     if (column < 0 || row < 0 || column >= mc->width || row >= mc->height) return NOTHING;
     const float *m = model + 4 * (row * mc->width + column);
-    if (!(m[3] > 0) || (m[0] == 0 && m[1] == 0 && m[2] == 0)) return NOTHING; /* no surface, or none with a normal */
+    if (!(m[3] > 0) || (m[0] == 0 && m[1] == 0 && m[2] == 0))
+        return NOTHING; /* no surface, or none with a normal */
 
     double scan_normal[3], turned[3], gap[3];
     for (int i = 0; i < 3; i++) {
@@ -45,12 +46,11 @@ static met find_pair(const float *depth, const float *normals, const kernel_came
     out->d[1] = (row - (double)mc->cy) / mc->fy * m[3];
     out->d[2] = m[3];
     for (int i = 0; i < 3; i++) gap[i] = out->d[i] - out->p[i];
-    double spread = 1 + l->growth * z * z, most = l->distance2 * spread * spread;
+    const double most = l->distance2, huber = l->huber;
     if (!ref_below(dot(gap, gap), most, 1e-4 * most, doubt)) return OVERLAP;
     if (!ref_below(l->cos_angle, dot(out->n, turned), 1e-5, doubt)) return OVERLAP;
     out->b = dot(out->n, gap);
     /* Huber: full weight up to the limit, then falling as 1 / |b| */
-    double huber = l->huber * spread;
     out->w = fabs(out->b) <= huber ? confidence : confidence * huber / fabs(out->b);
     return PAIR;
 }
