@@ -10,6 +10,8 @@ const char settings_help[] =
     "    --intrinsics FX,FY,CX,CY   pixels; overrides calibration.txt\n"
     "    --translation on|off       inertial translation (default on)\n"
     "    --against model|previous   align with the ray-cast surface (default) or with the frame before\n"
+    "    --prior seed|information   what inertia does for the alignment: where to start (the paper's way; an\n"
+    "                               ill-conditioned one is rejected), or also its information (default)\n"
     "    --iterations A,B,C         most iterations at the coarsest..finest level, each 0..100\n"
     "    --voxel M                  voxel size, metres (default 0.01)\n"
     "    --memory MB                most memory, host and device together (default 128; MB is 2^20)\n"
@@ -62,6 +64,7 @@ int settings_take(struct settings *settings, struct options *options) {
         INTRINSICS,
         TRANSLATION,
         AGAINST,
+        PRIOR,
         ITERATIONS,
         VOXEL,
         MEMORY,
@@ -71,8 +74,8 @@ int settings_take(struct settings *settings, struct options *options) {
         KEYS
     };
     static const char *const names[KEYS] = {"--depth-scale", "--intrinsics", "--translation", "--against",
-                                            "--iterations",  "--voxel",      "--memory",      "--size",
-                                            "--threads",     "--device"};
+                                            "--prior",       "--iterations", "--voxel",       "--memory",
+                                            "--size",        "--threads",    "--device"};
     fathom_config *config = &settings->config;
     int key = 0;
     while (key < KEYS && strcmp(names[key], options->name) != 0) key++;
@@ -103,6 +106,11 @@ int settings_take(struct settings *settings, struct options *options) {
         choice = take_choice(name, value, "model", "previous");
         good = choice >= 0;
         config->against = choice ? FATHOM_AGAINST_PREVIOUS : FATHOM_AGAINST_MODEL;
+        break;
+    case PRIOR:
+        choice = take_choice(name, value, "seed", "information");
+        good = choice >= 0;
+        config->prior = choice ? FATHOM_PRIOR_INFORMATION : FATHOM_PRIOR_SEED;
         break;
     case ITERATIONS: good = set_iterations(name, value, config); break;
     case VOXEL:
