@@ -5,21 +5,38 @@
 
 #include "config.h"
 
+#define STILL_WINDOW 0.05       /* s */
 #define STILL_SECONDS 0.4       /* as long as this without motion is a still start */
 #define STILL_GYRO 0.06         /* rad/s: a bias at most; a hand turns more */
 #define STILL_GYRO_CHANGE 0.03  /* rad/s away from the mean of the stillness so far */
 #define STILL_ACCEL_CHANGE 0.25 /* m/s^2, the same */
+#define STILL_VELOCITY 0.005    /* m/s: what a hand that holds still, or a tripod, moves at */
+#define STILL_TURN 0.005        /* rad/s */
 #define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
 #define ACCEL_WALK 2e-3         /* m/s^2/sqrt(s), the same of the accelerometer's */
+#define MAP_TURN_WALK 2e-3      /* rad/sqrt(s): how fast poses and the map drift from the truth together */
+#define MAP_WALK 1e-3           /* m/sqrt(s), the same */
 #define COAST_SECONDS 10.0      /* without samples: no hand keeps its velocity and turn for longer */
-#define LATE_SAMPLES 50  /* so many out of order in a row are right and the one before them was wrong */
-#define HAND_SECONDS 0.2 /* how long a hand's acceleration lasts */
-#define EXACT 1e12       /* information, 1/rad^2 and 1/m^2, of an exact pose */
+#define LATE_SAMPLES 50     /* so many out of order in a row are right and the one before them was wrong */
+#define HAND_SECONDS 0.2    /* how long a hand's acceleration lasts */
+#define MISMATCH_LEAST 0.05 /* sigmas that the settings give, times this, are those of a good sensor */
+#define MISMATCH_MOST 3
+#define MISMATCH_RATE 0.1 /* a pose's part in the mismatch's logarithm */
+#define MISMATCH_JUMP 4   /* squared misfit that makes it grow at once */
+#define EXACT 1e12        /* information, 1/rad^2 and 1/m^2, of an exact pose */
 
 static unsigned ring_capacity(const fathom_config *c) {
     unsigned n = 64, wanted = c->imu_capacity > 0 ? (unsigned)c->imu_capacity : 4096;
     while (n < wanted) n *= 2;
     return n;
+}
+
+static void end_stillness(inertial *n) {
+    n->stillness.samples = n->stillness.window_samples = 0;
+}
+
+static double still_seconds(const inertial *n) {
+    return 1e-9 * (double)n->period_ns * n->stillness.samples;
 }
 
 void inertial_init(inertial *n, arena *a, const fathom_config *config) {
@@ -44,10 +61,11 @@ void inertial_reset(inertial *n) {
     memset(n->gyro_bias, 0, sizeof n->gyro_bias);
     memset(n->turning, 0, sizeof n->turning);
     n->running = false;
+    n->mismatch = 1;
     memset(&n->state, 0, sizeof n->state);
     n->corrected_ns = INT64_MIN;
     n->corrected = pose_identity();
-    n->still_samples = 0;
+    end_stillness(n);
 }
 
 int inertial_push(inertial *n, const fathom_imu_sample *s) {
@@ -76,30 +94,41 @@ static inertial_sample *sample_at(inertial *n, unsigned i) {
     return &n->history[(n->first + i) & (n->capacity - 1)];
 }
 
-/* Stillness: the gyroscope reads its bias and nothing else. Its mean is taken over as long as the stillness lasts. */
+/* Stillness: over windows, so that white noise averages out, the gyroscope reads its bias and nothing else. Its mean is
+ * taken over as long as the stillness lasts. */
 static void watch_stillness(inertial *n, const inertial_sample *s) {
-    double k = n->still_samples, seconds = 1e-9 * (double)n->period_ns * k;
+    inertial_stillness *w = &n->stillness;
+    double period = 1e-9 * (double)n->period_ns, most = w->samples;
+    if (w->window_samples == 0 || w->window_samples * period > 10 * STILL_WINDOW) { /* or a gap */
+        memset(w->window_gyro, 0, sizeof w->window_gyro);
+        memset(w->window_accel, 0, sizeof w->window_accel);
+        w->window_samples = 0;
+    }
+    w->window_samples++;
+    for (int i = 0; i < 3; i++) {
+        w->window_gyro[i] += s->gyro[i];
+        w->window_accel[i] += s->accel[i];
+    }
+    if (w->window_samples * period < STILL_WINDOW) return;
     bool still = true;
     for (int i = 0; i < 3; i++) {
-        still = still && fabs(s->gyro[i]) < STILL_GYRO;
-        if (k > 0 && fabs(s->gyro[i] - n->still_sum[i] / k) > STILL_GYRO_CHANGE) still = false;
-        if (k > 0 && fabs(s->accel[i] - n->still_accel[i] / k) > STILL_ACCEL_CHANGE) still = false;
+        double gyro = w->window_gyro[i] / w->window_samples, accel = w->window_accel[i] / w->window_samples;
+        still = still && fabs(gyro) < STILL_GYRO;
+        if (most > 0 && fabs(gyro - w->gyro[i] / most) > STILL_GYRO_CHANGE) still = false;
+        if (most > 0 && fabs(accel - w->accel[i] / most) > STILL_ACCEL_CHANGE) still = false;
     }
-    if (!still || k == 0) {
-        n->still_samples = still ? 1 : 0;
-        memcpy(n->still_sum, s->gyro, sizeof n->still_sum);
-        memcpy(n->still_accel, s->accel, sizeof n->still_accel);
-        return;
-    }
-    n->still_samples++;
+    if (!still) w->samples = 0;
     for (int i = 0; i < 3; i++) {
-        n->still_sum[i] += s->gyro[i];
-        n->still_accel[i] += s->accel[i];
+        w->gyro[i] = still ? (w->samples > 0 ? w->gyro[i] : 0) + w->window_gyro[i] : 0;
+        w->accel[i] = still ? (w->samples > 0 ? w->accel[i] : 0) + w->window_accel[i] : 0;
     }
+    w->samples = still ? w->samples + w->window_samples : 0;
+    w->window_samples = 0;
+    double seconds = period * w->samples;
     if (seconds < STILL_SECONDS) return;
     double sigma = n->config->gyro_noise / sqrt(seconds) + 1e-4;
     if (sigma > n->gyro_bias_sigma) return; /* what is known is better */
-    for (int i = 0; i < 3; i++) n->gyro_bias[i] = n->still_sum[i] / (k + 1);
+    for (int i = 0; i < 3; i++) n->gyro_bias[i] = w->gyro[i] / w->samples;
     n->gyro_bias_sigma = sigma;
 }
 
@@ -122,10 +151,10 @@ static void append(inertial *n, const fathom_imu_sample *raw) {
         }
         n->late = 0;
         if (n->count == 0) {
-            n->still_samples = 0;
+            end_stillness(n);
         } else if (n->period_ns > 0 && step > 5 * n->period_ns) {
             n->counters.imu_gaps++;
-            n->still_samples = 0;
+            end_stillness(n);
         } else {
             n->period_ns = n->period_ns == 0 ? step : n->period_ns + (step - n->period_ns) / 16;
             n->gyro_bias_sigma =
@@ -184,8 +213,9 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     bool imu = c->imu && n->count > 1;
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
-    navigator_noise noise = {c->gyro_noise, c->motion_accel_sigma * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK,
-                             0};
+    navigator_noise noise = {
+        c->gyro_noise, c->motion_accel_sigma * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
+        MAP_WALK};
     bool inside = imu && i >= 0 && i + 1 < (int)n->count;
     bool gap = inside && (double)(sample_at(n, (unsigned)(i + 1))->timestamp_ns -
                                   sample_at(n, (unsigned)i)->timestamp_ns) > 5e9 * period;
@@ -213,7 +243,8 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
         noise.turn = c->motion_turn_sigma * sqrt(pow(age + dt, 4) - pow(age, 4));
     }
     bool force = covered && c->imu_translation && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
-    if (force) noise.accel = c->accel_noise;
+    if (covered) noise.gyro *= n->mismatch;
+    if (force) noise.accel = c->accel_noise * n->mismatch;
     navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
 }
 
@@ -273,15 +304,25 @@ int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_moti
         out->motion = pose_inverse(&out->motion);
     }
     for (int i = 0; i < 6; i++) {
-        double floor = i < 3 ? c->seed_floor_rad : c->seed_floor_m;
+        double floor = n->mismatch * (i < 3 ? c->seed_floor_rad : c->seed_floor_m);
         out->covariance[7 * i] += floor * floor;
         out->pose_covariance[7 * i] += floor * floor;
     }
     return FATHOM_OK;
 }
 
+/* Detected stillness corrects the navigator, with or without a pose. */
+static void stand_still(inertial *n) {
+    double mean[3];
+    if (still_seconds(n) < STILL_SECONDS) return;
+    for (int i = 0; i < 3; i++) mean[i] = n->stillness.gyro[i] / n->stillness.samples;
+    navigator_still(&n->state, STILL_VELOCITY, mean, STILL_TURN);
+}
+
 void inertial_advance(inertial *n, int64_t timestamp_ns) {
-    if (n->running) travel(n, &n->state, timestamp_ns);
+    if (!n->running) return;
+    travel(n, &n->state, timestamp_ns);
+    stand_still(n);
 }
 
 /* Gravity, from the specific force of the last quarter of a second, as if that had been without acceleration. */
@@ -306,21 +347,41 @@ static void start(inertial *n, const pose *accepted, int64_t timestamp_ns) {
     if (used > 0 && length > 1e-6)
         for (int j = 0; j < 3; j++)
             for (int k = 0; k < 3; k++) gravity[j] -= accepted->r[3 * j + k] * force[k] / length * c->gravity;
-    bool still = 1e-9 * (double)n->period_ns * n->still_samples > 0.1;
+    bool still = still_seconds(n) > 0.1;
     pose lever = pose_identity();
     memcpy(lever.t, n->lever, sizeof lever.t);
     pose imu = pose_multiply(accepted, &lever);
     n->state.timestamp_ns = timestamp_ns;
     navigator_start(&n->state, &imu, gravity, still ? 0.03 : 0.5, n->gyro_bias_sigma, c->accel_bias_sigma,
                     used == 0 ? 10
-                    : still   ? 0.2
+                    : still   ? 0.03
                               : 1);
     memcpy(n->state.gyro_bias, n->gyro_bias, sizeof n->gyro_bias);
     n->running = true;
 }
 
-void inertial_correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns) {
+/* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie from
+ * where inertia put them; a sudden misfit widens the stretch that it happened in. */
+static void correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns) {
     const fathom_config *c = n->config;
+    double floor_rad = c->pose_noise_rad * n->mismatch, floor_m = c->pose_noise_m * n->mismatch;
+    navigator before = n->state;
+    travel(n, &n->state, timestamp_ns);
+    double misfit = navigator_misfit(&n->state, n->lever, accepted, information, floor_rad, floor_m);
+    if (misfit >= 0 && c->imu && n->count > 1) {
+        double factor = misfit > MISMATCH_JUMP ? sqrt(misfit / 2) : exp(0.5 * MISMATCH_RATE * (misfit - 1));
+        n->mismatch = fmin(fmax(n->mismatch * factor, MISMATCH_LEAST), MISMATCH_MOST);
+        if (misfit > MISMATCH_JUMP) {
+            n->state = before;
+            travel(n, &n->state, timestamp_ns);
+            floor_rad = c->pose_noise_rad * n->mismatch;
+            floor_m = c->pose_noise_m * n->mismatch;
+        }
+    }
+    navigator_correct(&n->state, n->lever, accepted, information, floor_rad, floor_m);
+}
+
+void inertial_correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns) {
     if (n->corrected_ns != INT64_MIN && timestamp_ns > n->corrected_ns) {
         double dt = 1e-9 * ((double)timestamp_ns - (double)n->corrected_ns), w[3];
         pose way = pose_between(&n->corrected, accepted);
@@ -332,9 +393,8 @@ void inertial_correct(inertial *n, const pose *accepted, const double informatio
     } else {
         double exact[36] = {0};
         for (int i = 0; i < 6; i++) exact[7 * i] = EXACT;
-        travel(n, &n->state, timestamp_ns);
-        navigator_correct(&n->state, n->lever, accepted, information ? information : exact, c->pose_noise_rad,
-                          c->pose_noise_m);
+        correct(n, accepted, information ? information : exact, timestamp_ns);
+        stand_still(n);
     }
     n->corrected = *accepted;
     n->corrected_ns = timestamp_ns;

@@ -16,6 +16,13 @@ typedef struct {
     double gyro[3], accel[3];
 } inertial_sample;
 
+/* The stillness at hand: sums over its samples, and over those of the window that is being filled. */
+typedef struct {
+    int samples, window_samples;
+    double gyro[3], accel[3];
+    double window_gyro[3], window_accel[3];
+} inertial_stillness;
+
 typedef struct {
     const fathom_config *config;
     /* from the pushing thread to the stepping thread: one writer, one reader, no lock */
@@ -32,12 +39,12 @@ typedef struct {
     double gyro_bias[3], gyro_bias_sigma; /* camera axes, rad/s: from stillness before the navigator starts */
     bool running;                         /* the navigator has a first pose */
     navigator state;                      /* at the last frame */
+    double mismatch; /* how far poses and inertia disagree: sigmas in units of the settings' */
     double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
     int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
     pose corrected;       /* that pose */
     int late;             /* samples out of order in a row */
-    int still_samples;    /* length of the stillness at hand */
-    double still_sum[3], still_accel[3];
+    inertial_stillness stillness;
     fathom_counters counters;
 } inertial;
 

@@ -1,6 +1,7 @@
 #include "navigator.h"
 
 #include <Eigen/Dense>
+#include <cmath>
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -11,6 +12,8 @@ using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using RowMatrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using Observation = Eigen::Matrix<double, 6, NAVIGATOR_STATES>;
+
+#define STILL_MOST 12.0 /* squared Mahalanobis distance of three: one in a hundred is further */
 
 enum { ROTATION = 0, POSITION = 3, VELOCITY = 6, GYRO_BIAS = 9, ACCEL_BIAS = 12, GRAVITY = 15 };
 
@@ -39,6 +42,11 @@ void navigator_start(navigator *n, const pose *imu_to_world, const double gravit
     const double sigmas[6] = {1e-5, 1e-5, velocity_sigma, gyro_bias_sigma, accel_bias_sigma, gravity_sigma};
     for (int i = 0; i < NAVIGATOR_STATES; i++)
         n->covariance[i * (NAVIGATOR_STATES + 1)] = sigmas[i / 3] * sigmas[i / 3];
+    Eigen::Map<RowCovariance> c(n->covariance); /* gravity = R (bias - measured force) */
+    double bias = accel_bias_sigma * accel_bias_sigma;
+    c.block<3, 3>(GRAVITY, ACCEL_BIAS) = bias * Eigen::Map<const Rotation>(n->r);
+    c.block<3, 3>(ACCEL_BIAS, GRAVITY) = bias * Eigen::Map<const Rotation>(n->r).transpose();
+    c.block<3, 3>(GRAVITY, GRAVITY) += bias * Matrix3d::Identity();
 }
 
 /* Sola 2017, eq. 260 (nominal) and 268 to 271 (error), with the orientation taken amid the stretch. */
@@ -84,10 +92,18 @@ void navigator_step(navigator *n, double dt, const double gyro[3], const double 
         c(VELOCITY + i, VELOCITY + i) += a2 * dt;
         c(VELOCITY + i, POSITION + i) += a2 * dt * dt / 2;
         c(POSITION + i, VELOCITY + i) += a2 * dt * dt / 2;
-        c(POSITION + i, POSITION + i) += a2 * dt * dt * dt / 3;
+        c(POSITION + i, POSITION + i) +=
+            a2 * dt * dt * dt / 3 + noise->position_walk * noise->position_walk * dt;
         c(GYRO_BIAS + i, GYRO_BIAS + i) += noise->gyro_walk * noise->gyro_walk * dt;
         c(ACCEL_BIAS + i, ACCEL_BIAS + i) += noise->accel_walk * noise->accel_walk * dt;
     }
+    /* A map that turns slowly takes the orientation, the velocity and gravity with it: what is down for the IMU stays. */
+    Eigen::Matrix<double, NAVIGATOR_STATES, 3> turned_map =
+        Eigen::Matrix<double, NAVIGATOR_STATES, 3>::Zero();
+    turned_map.block<3, 3>(ROTATION, 0) = r.transpose();
+    turned_map.block<3, 3>(VELOCITY, 0) = -skew(v);
+    turned_map.block<3, 3>(GRAVITY, 0) = -skew(gravity);
+    c += noise->rotation_walk * noise->rotation_walk * dt * turned_map * turned_map.transpose();
     stored = 0.5 * (c + c.transpose());
 }
 
@@ -121,29 +137,8 @@ void navigator_forget_pose_error(navigator *n) {
     c.leftCols<6>().setZero();
 }
 
-/* Sola 2017, Sections 6.1 and 6.2; with the information Y of the measurement, which may be singular, instead of its
- * covariance: K = P H^T (I + Y H P H^T)^-1 Y. */
-void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
-                       const double information[36], double floor_rad, double floor_m) {
-    Eigen::Map<RowCovariance> stored(n->covariance);
-    Covariance c = stored;
-    Observation h = camera_of_error(n, lever);
-    Matrix6 y = Eigen::Map<const RowMatrix6>(information), floors = Matrix6::Zero(),
-            identity = Matrix6::Identity();
-    for (int i = 0; i < 6; i++) floors(i, i) = i < 3 ? floor_rad * floor_rad : floor_m * floor_m;
-    y = y * (identity + floors * y).partialPivLu().inverse(); /* (Y^-1 + floors)^-1 */
-    y = 0.5 * (y + y.transpose()).eval();
-    Eigen::Matrix<double, NAVIGATOR_STATES, 6> ph = c * h.transpose();
-    Eigen::Matrix<double, NAVIGATOR_STATES, 6> gain = ph * (identity + y * (h * ph)).partialPivLu().solve(y);
-
-    pose camera = navigator_camera(n, lever), way = pose_between(&camera, camera_to_world);
-    Eigen::Matrix<double, 6, 1> innovation;
-    pose_log(&way, innovation.data());
-    Error e = gain * innovation;
-    if (!e.allFinite()) return;
-    c = (c - gain * ph.transpose()).eval();
-    stored = 0.5 * (c + c.transpose());
-
+/* Sola 2017, Section 6.2: the error's estimate goes into the state. */
+static void inject(navigator *n, const Error &e) {
     pose turned = {{0}, {0}};
     Eigen::Map<Rotation>(turned.r) = Eigen::Map<const Rotation>(n->r) * rotation_exp(e.segment<3>(ROTATION));
     pose_normalise(&turned);
@@ -155,4 +150,75 @@ void navigator_correct(navigator *n, const double lever[3], const pose *camera_t
         n->accel_bias[i] += e[ACCEL_BIAS + i];
         n->gravity[i] += e[GRAVITY + i];
     }
+}
+
+/* A camera pose held against the state: Sola 2017, Section 6.1, with the information Y of the measurement, which may be
+ * singular, instead of its covariance: the gain is K = P H^T W with W = (I + Y H P H^T)^-1 Y. */
+struct Comparison {
+    Eigen::Matrix<double, NAVIGATOR_STATES, 6> ph;
+    Matrix6 predicted; /* H P H^T */
+    Matrix6 floors;
+    Matrix6 w;
+    Eigen::Matrix<double, 6, 1> innovation;
+};
+
+static Comparison compare(const navigator *n, const double lever[3], const pose *camera_to_world,
+                          const double information[36], double floor_rad, double floor_m) {
+    Comparison c;
+    Observation h = camera_of_error(n, lever);
+    Matrix6 y = Eigen::Map<const RowMatrix6>(information), identity = Matrix6::Identity();
+    c.floors.setZero();
+    for (int i = 0; i < 6; i++) c.floors(i, i) = i < 3 ? floor_rad * floor_rad : floor_m * floor_m;
+    y = y * (identity + c.floors * y).partialPivLu().inverse(); /* (Y^-1 + floors)^-1 */
+    y = 0.5 * (y + y.transpose()).eval();
+    c.ph = Eigen::Map<const RowCovariance>(n->covariance) * h.transpose();
+    c.predicted = h * c.ph;
+    c.w = (identity + y * c.predicted).partialPivLu().solve(y);
+    pose camera = navigator_camera(n, lever), way = pose_between(&camera, camera_to_world);
+    pose_log(&way, c.innovation.data());
+    return c;
+}
+
+double navigator_misfit(const navigator *n, const double lever[3], const pose *camera_to_world,
+                        const double information[36], double floor_rad, double floor_m) {
+    Comparison c = compare(n, lever, camera_to_world, information, floor_rad, floor_m);
+    Matrix6 own = c.predicted + c.floors;
+    Eigen::Matrix<double, 6, 1> seen = c.w * c.innovation;
+    double directions = (c.w * own).trace(), square = seen.dot(own * seen);
+    return directions > 1 && std::isfinite(square) ? square / directions : -1;
+}
+
+void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
+                       const double information[36], double floor_rad, double floor_m) {
+    Comparison c = compare(n, lever, camera_to_world, information, floor_rad, floor_m);
+    Eigen::Matrix<double, NAVIGATOR_STATES, 6> gain = c.ph * c.w;
+    Error e = gain * c.innovation;
+    if (!e.allFinite()) return;
+    Eigen::Map<RowCovariance> stored(n->covariance);
+    Covariance p = stored;
+    p = (p - gain * c.ph.transpose()).eval();
+    stored = 0.5 * (p + p.transpose());
+
+    inject(n, e);
+}
+
+/* A Kalman update by a measurement of three neighbouring states. */
+static void measure(navigator *n, int state, const Vector3d &innovation, double sigma) {
+    Eigen::Map<RowCovariance> stored(n->covariance);
+    Covariance p = stored;
+    Matrix3d s = p.block<3, 3>(state, state) + sigma * sigma * Matrix3d::Identity();
+    Matrix3d inverse = s.inverse();
+    if (!(innovation.dot(inverse * innovation) < STILL_MOST)) return;
+    Eigen::Matrix<double, NAVIGATOR_STATES, 3> gain = p.middleCols<3>(state) * inverse;
+    Error e = gain * innovation;
+    if (!e.allFinite()) return;
+    p = (p - gain * p.middleRows<3>(state)).eval();
+    stored = 0.5 * (p + p.transpose());
+    inject(n, e);
+}
+
+void navigator_still(navigator *n, double velocity_sigma, const double gyro_mean[3], double gyro_sigma) {
+    measure(n, VELOCITY, -Eigen::Map<const Vector3d>(n->v), velocity_sigma);
+    measure(n, GYRO_BIAS, Eigen::Map<const Vector3d>(gyro_mean) - Eigen::Map<const Vector3d>(n->gyro_bias),
+            gyro_sigma);
 }

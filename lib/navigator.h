@@ -31,9 +31,11 @@ typedef struct {
     double gyro_walk;  /* rad/s/sqrt(s) */
     double accel_walk; /* m/s^2/sqrt(s) */
     double turn;       /* rad more, for a stretch without samples */
+    double rotation_walk, position_walk; /* rad/sqrt(s), m/sqrt(s): drift of the poses that the state is held to */
 } navigator_noise;
 
-/* Sigmas of a start: of rotation and position (known: the first pose is the world), velocity, biases, gravity. */
+/* Sigmas of a start: of velocity, biases, gravity; rotation and position are known, for the first pose is the world.
+ * gravity_sigma counts what the accelerometer's bias doesn't explain: gravity comes from the force that it measured. */
 void navigator_start(navigator *n, const pose *imu_to_world, const double gravity[3], double velocity_sigma,
                      double gyro_bias_sigma, double accel_bias_sigma, double gravity_sigma);
 
@@ -47,6 +49,15 @@ void navigator_step(navigator *n, double dt, const double gyro[3], const double 
  * origin in camera axes. */
 void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
                        const double information[36], double floor_rad, double floor_m);
+
+/* How the same pose fits to the state, before it corrects it: the squared innovation in units of what the state's covariance
+ * and the floors, but not the information, explain of it; 1 is expected. Negative: the pose says too little to tell. */
+double navigator_misfit(const navigator *n, const double lever[3], const pose *camera_to_world,
+                        const double information[36], double floor_rad, double floor_m);
+
+/* The IMU stands still: its velocity is zero and its gyroscope reads its bias (mean over the stillness). Either is left out
+ * where the state is sure of something else. */
+void navigator_still(navigator *n, double velocity_sigma, const double gyro_mean[3], double gyro_sigma);
 
 /* The camera's pose, and the covariance of it (right perturbation). */
 pose navigator_camera(const navigator *n, const double lever[3]);

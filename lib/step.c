@@ -151,7 +151,11 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
     pose_log(&correction, twist);
     r->prior_rotation_rad = (float)pose_angle(&correction);
     r->prior_translation_m = (float)pose_distance(&correction);
-    r->innovation_sigmas = (float)covariance_mahalanobis(predicted, twist);
+    double gate[36];
+    memcpy(gate, predicted, sizeof gate);
+    for (int i = 0; i < 6; i++)
+        gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
+    r->innovation_sigmas = (float)covariance_mahalanobis(gate, twist);
     r->verdict = has_depth(c, scan) ? judge(c, &icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
 
     if (r->verdict == FATHOM_VERDICT_TRACKING) {
