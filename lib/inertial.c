@@ -11,7 +11,7 @@
 #define STILL_GYRO_CHANGE 0.03  /* rad/s away from the mean of the stillness so far */
 #define STILL_ACCEL_CHANGE 0.25 /* m/s^2, the same */
 #define STILL_VELOCITY 0.005    /* m/s: what a hand that holds still, or a tripod, moves at */
-#define STILL_TURN 0.005        /* rad/s */
+#define STILL_TURN 0.002        /* rad/s over a second */
 #define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
 #define ACCEL_WALK 2e-3         /* m/s^2/sqrt(s), the same of the accelerometer's */
 #define MAP_TURN_WALK 2e-3      /* rad/sqrt(s): how fast poses and the map drift from the truth together */
@@ -20,6 +20,7 @@
 #define LATE_SAMPLES 50     /* so many out of order in a row are right and the one before them was wrong */
 #define HAND_SECONDS 0.2    /* how long a hand's acceleration lasts */
 #define MISMATCH_LEAST 0.05 /* sigmas that the settings give, times this, are those of a good sensor */
+#define MISMATCH_SEED 0.2  /* a seed's floor shrinks no further: clock and mounting are never quite right */
 #define MISMATCH_MOST 3
 #define MISMATCH_RATE 0.1 /* a pose's part in the mismatch's logarithm */
 #define MISMATCH_JUMP 4   /* squared misfit that makes it grow at once */
@@ -32,7 +33,7 @@ static unsigned ring_capacity(const fathom_config *c) {
 }
 
 static void end_stillness(inertial *n) {
-    n->stillness.samples = n->stillness.window_samples = 0;
+    memset(&n->stillness, 0, sizeof n->stillness);
 }
 
 static double still_seconds(const inertial *n) {
@@ -117,12 +118,15 @@ static void watch_stillness(inertial *n, const inertial_sample *s) {
         if (most > 0 && fabs(gyro - w->gyro[i] / most) > STILL_GYRO_CHANGE) still = false;
         if (most > 0 && fabs(accel - w->accel[i] / most) > STILL_ACCEL_CHANGE) still = false;
     }
-    if (!still) w->samples = 0;
-    for (int i = 0; i < 3; i++) {
-        w->gyro[i] = still ? (w->samples > 0 ? w->gyro[i] : 0) + w->window_gyro[i] : 0;
-        w->accel[i] = still ? (w->samples > 0 ? w->accel[i] : 0) + w->window_accel[i] : 0;
+    if (!still) {
+        end_stillness(n);
+        return;
     }
-    w->samples = still ? w->samples + w->window_samples : 0;
+    for (int i = 0; i < 3; i++) {
+        w->gyro[i] += w->window_gyro[i];
+        w->accel[i] += w->window_accel[i];
+    }
+    w->samples += w->window_samples;
     w->window_samples = 0;
     double seconds = period * w->samples;
     if (seconds < STILL_SECONDS) return;
@@ -304,7 +308,7 @@ int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_moti
         out->motion = pose_inverse(&out->motion);
     }
     for (int i = 0; i < 6; i++) {
-        double floor = n->mismatch * (i < 3 ? c->seed_floor_rad : c->seed_floor_m);
+        double floor = fmax(n->mismatch, MISMATCH_SEED) * (i < 3 ? c->seed_floor_rad : c->seed_floor_m);
         out->covariance[7 * i] += floor * floor;
         out->pose_covariance[7 * i] += floor * floor;
     }
@@ -313,10 +317,15 @@ int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_moti
 
 /* Detected stillness corrects the navigator, with or without a pose. */
 static void stand_still(inertial *n) {
-    double mean[3];
-    if (still_seconds(n) < STILL_SECONDS) return;
-    for (int i = 0; i < 3; i++) mean[i] = n->stillness.gyro[i] / n->stillness.samples;
-    navigator_still(&n->state, STILL_VELOCITY, mean, STILL_TURN);
+    inertial_stillness *w = &n->stillness;
+    double mean[3], seconds = 1e-9 * (double)n->period_ns * (w->samples - w->used);
+    if (still_seconds(n) < STILL_SECONDS || w->samples == w->used) return;
+    for (int i = 0; i < 3; i++) {
+        mean[i] = (w->gyro[i] - w->used_gyro[i]) / (w->samples - w->used);
+        w->used_gyro[i] = w->gyro[i];
+    }
+    w->used = w->samples;
+    navigator_still(&n->state, STILL_VELOCITY, mean, STILL_TURN / sqrt(seconds));
 }
 
 void inertial_advance(inertial *n, int64_t timestamp_ns) {

@@ -16,10 +16,11 @@ typedef struct {
     double gyro[3], accel[3];
 } inertial_sample;
 
-/* The stillness at hand: sums over its samples, and over those of the window that is being filled. */
+/* The stillness at hand: sums over its samples, over those that the navigator has already used, and over those of the
+ * window that is being filled. */
 typedef struct {
-    int samples, window_samples;
-    double gyro[3], accel[3];
+    int samples, used, window_samples;
+    double gyro[3], accel[3], used_gyro[3];
     double window_gyro[3], window_accel[3];
 } inertial_stillness;
 
