@@ -12,9 +12,8 @@
 #define STILL_ACCEL_CHANGE 0.25 /* m/s^2, the same */
 #define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
 #define ACCEL_WALK 2e-3         /* m/s^2/sqrt(s), the same of the accelerometer's */
-#define COAST_SECONDS                                                                                        \
-    0.5 /* without samples: about as long a hand keeps its velocity and turn; then it is taken to rest */
-#define MOST_BLIND 10.0    /* seconds without samples: trust falls no further */
+#define COAST_SECONDS 0.5       /* a hand that isn't measured keeps its velocity and turn for about so long */
+#define MOST_BLIND 10.0         /* seconds without samples: trust falls no further */
 #define LATE_SAMPLES 50    /* so many out of order in a row are right and the one before them was wrong */
 #define HAND_SECONDS 0.2   /* how long a hand's acceleration lasts */
 #define MOST_RATE 100.0    /* rad/s: no sensor for a hand reads more */
@@ -22,8 +21,7 @@
 #define SUDDEN_RATE 5.0    /* rad/s from one sample to the next and back: a glitch, no hand */
 #define SUDDEN_FORCE 100.0 /* m/s^2, the same */
 #define DOUBT_RAD                                                                                            \
-    0.012 /* rotation foretold worse than this between accepted poses, and twice as wrong as without
-                              samples: their stamps or values can't be right */
+    0.012 /* a turn between accepted poses that the gyroscope gets more wrong is a contradiction */
 #define DOUBT_SECONDS 1.0 /* poses further apart say little */
 #define EXACT 1e12        /* information, 1/rad^2 and 1/m^2, of an exact pose */
 

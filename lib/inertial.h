@@ -33,11 +33,11 @@ typedef struct {
     double gyro_bias[3], gyro_bias_sigma; /* camera axes, rad/s: from stillness before the navigator starts */
     bool running;                         /* the navigator has a first pose */
     navigator state;                      /* at the last frame */
-    bool doubted; /* the gyroscope contradicts the poses: gone on without the samples until it doesn't */
-    int against;  /* accepted poses in a row that it contradicted */
-    double gyro_error,
-        turn_error; /* rad^2: what rotation the samples, and without them the poses before, foretold wrongly */
-    double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
+    bool doubted;      /* the gyroscope contradicts the poses: gone on without the samples until it doesn't */
+    int against;       /* accepted poses in a row that it contradicted */
+    double gyro_error; /* rad^2: the turn from pose to pose, as the samples foretold it wrongly */
+    double turn_error; /* the same without samples, from the poses before */
+    double turning[3]; /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
     int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
     pose corrected;       /* that pose */
     int late;             /* samples out of order in a row */

@@ -518,6 +518,7 @@ static bool as_expected(const fault *f, bool lens_covered, const outcome *o) {
     good &= counted("implausible", o->counters.imu_implausible, f->implausible);
     good &= counted("gaps", o->counters.imu_gaps, f->gaps);
     good &= counted("leaps", o->counters.imu_clock_leaps, f->leaps);
+    good &= counted("doubts", o->counters.imu_doubts, f->inject == jumps_in_a_recording);
     good &= counted("frames ignored", o->counters.frames_ignored, f->ignored);
     good &= counted("overrun", o->counters.imu_overrun, 0);
     good &= counted("blocks refused", o->counters.blocks_refused, 0);
