@@ -256,6 +256,7 @@ int fathom_get_counters(fathom *f, fathom_counters *counters) {
     inertial_drain(&f->inertial);
     *counters = f->inertial.counters;
     counters->imu_not_finite = atomic_load(&f->inertial.not_finite);
+    counters->imu_implausible += atomic_load(&f->inertial.absurd);
     counters->imu_overrun = atomic_load(&f->inertial.overrun);
     counters->frames_ignored = f->frames_ignored;
     counters->blocks_refused = f->volume.refused;

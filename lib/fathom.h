@@ -254,9 +254,11 @@ FATHOM_API int fathom_pause(fathom *context, bool pause);
 /* ---- input ------------------------------------------------------------------------------------------------------- */
 
 /* Hands over samples as they arrive; may be called from one other thread at any time, never waits. Late, repeated,
- * out-of-order and non-finite samples are counted (fathom_counters) and dropped. When the ring is full the new sample is
- * dropped and counted: step often, or give a larger imu_capacity. Returns FATHOM_OK, or FATHOM_ERROR_ARGUMENT for NULL or
- * a sample that isn't finite or stamped more than 126 years from zero (counted as not finite). */
+ * out-of-order, non-finite and implausible samples are counted (fathom_counters) and dropped. When the ring is full the
+ * new sample is dropped and counted: step often, or give a larger imu_capacity. When either clock leaps by more than 0.1 s
+ * the order of arrival shows it: after 0.2 s stamps are moved to go on from where they were, and the log is told. Returns
+ * FATHOM_OK, or FATHOM_ERROR_ARGUMENT for NULL, a sample that isn't finite or stamped more than 126 years from zero
+ * (counted as not finite), or one beyond 100 rad/s or 2000 m/s^2 (implausible). */
 FATHOM_API int fathom_push_imu(fathom *context, const fathom_imu_sample *sample);
 
 /* A depth frame. */
@@ -338,7 +340,11 @@ typedef struct {
     int64_t imu_not_finite; /* dropped: NaN or infinite */
     int64_t imu_out_of_order; /* dropped: repeated stamp or one that goes back */
     int64_t imu_overrun;    /* dropped: the ring was full */
+    int64_t imu_implausible; /* dropped: no sensor's value (beyond 100 rad/s or 2000 m/s^2), or a glitch of one sample
+                                (5 rad/s or 100 m/s^2 away from both its neighbours) */
     int64_t imu_gaps;       /* pauses of more than five sample periods */
+    int64_t imu_clock_leaps; /* times that the IMU's clock and the frames' leapt apart and the stamps were moved back */
+    int64_t imu_doubts;     /* times that the gyroscope began to contradict the poses and was left aside */
     int64_t frames_ignored; /* depth frames refused for their stamp or size */
     int64_t blocks_refused; /* blocks that found the pool full */
 } fathom_counters;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "config.h"
+#include "device.h"
 
 #define STILL_WINDOW 0.05       /* s */
 #define STILL_SECONDS 0.4       /* as long as this without motion is a still start */
@@ -16,14 +17,22 @@
 #define ACCEL_WALK 2e-3         /* m/s^2/sqrt(s), the same of the accelerometer's */
 #define MAP_TURN_WALK 2e-3      /* rad/sqrt(s): how fast poses and the map drift from the truth together */
 #define MAP_WALK 1e-3           /* m/sqrt(s), the same */
-#define COAST_SECONDS 10.0      /* without samples: no hand keeps its velocity and turn for longer */
-#define LATE_SAMPLES 50     /* so many out of order in a row are right and the one before them was wrong */
-#define HAND_SECONDS 0.2    /* how long a hand's acceleration lasts */
-#define MISMATCH_LEAST 0.05 /* sigmas that the settings give, times this, are those of a good sensor */
-#define MISMATCH_SEED 0.2  /* a seed's floor shrinks no further: clock and mounting are never quite right */
+#define MISMATCH_LEAST 0.05     /* sigmas that the settings give, times this, are those of a good sensor */
+#define MISMATCH_SEED 0.2 /* a seed's floor shrinks no further: clock and mounting are never quite right */
 #define MISMATCH_MOST 3
-#define MISMATCH_RATE 0.1 /* a pose's part in the mismatch's logarithm */
-#define MISMATCH_JUMP 4   /* squared misfit that makes it grow at once */
+#define MISMATCH_RATE 0.1  /* a pose's part in the mismatch's logarithm */
+#define MISMATCH_JUMP 4    /* squared misfit that makes it grow at once */
+#define COAST_SECONDS 0.5  /* a hand that isn't measured keeps its velocity and turn for about so long */
+#define MOST_BLIND 10.0    /* seconds without samples: trust falls no further */
+#define LATE_SAMPLES 50    /* so many out of order in a row are right and the one before them was wrong */
+#define HAND_SECONDS 0.2   /* how long a hand's acceleration lasts */
+#define MOST_RATE 100.0    /* rad/s: no sensor for a hand reads more */
+#define MOST_FORCE 2000.0  /* m/s^2, the same */
+#define SUDDEN_RATE 5.0    /* rad/s from one sample to the next and back: a glitch, no hand */
+#define SUDDEN_FORCE 100.0 /* m/s^2, the same */
+#define DOUBT_RAD                                                                                            \
+    0.012 /* a turn between accepted poses that the gyroscope gets more wrong is a contradiction */
+#define DOUBT_SECONDS 1.0 /* poses further apart say little */
 #define EXACT 1e12        /* information, 1/rad^2 and 1/m^2, of an exact pose */
 
 static unsigned ring_capacity(const fathom_config *c) {
@@ -67,6 +76,17 @@ void inertial_reset(inertial *n) {
     n->corrected_ns = INT64_MIN;
     n->corrected = pose_identity();
     end_stillness(n);
+    n->doubtful = n->doubted = false;
+    n->gyro_error = n->turn_error = 0;
+    n->against = 0;
+    n->clocks = (clock_watch){0};
+}
+
+/* No sensor's value. False for NaN, which may be an accelerometer that isn't there. */
+static bool absurd(const fathom_imu_sample *s) {
+    for (int i = 0; i < 3; i++)
+        if (fabsf(s->gyro[i]) > MOST_RATE || fabsf(s->accel[i]) > MOST_FORCE) return true;
+    return false;
 }
 
 int inertial_push(inertial *n, const fathom_imu_sample *s) {
@@ -79,6 +99,10 @@ int inertial_push(inertial *n, const fathom_imu_sample *s) {
     stamp = stamp && t >= -STAMP_MOST && t <= STAMP_MOST;
     if (!gyro || !(accel || no_accel) || !stamp) {
         atomic_fetch_add_explicit(&n->not_finite, 1, memory_order_relaxed);
+        return FATHOM_ERROR_ARGUMENT;
+    }
+    if (absurd(s)) {
+        atomic_fetch_add_explicit(&n->absurd, 1, memory_order_relaxed);
         return FATHOM_ERROR_ARGUMENT;
     }
     unsigned head = atomic_load_explicit(&n->head, memory_order_relaxed);
@@ -136,22 +160,19 @@ static void watch_stillness(inertial *n, const inertial_sample *s) {
     n->gyro_bias_sigma = sigma;
 }
 
-static void append(inertial *n, const fathom_imu_sample *raw) {
-    inertial_sample s = {.timestamp_ns = raw->timestamp_ns + n->config->imu_clock_offset_ns};
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            s.gyro[i] += n->rotation[3 * i + j] * raw->gyro[j];
-            s.accel[i] += n->rotation[3 * i + j] * raw->accel[j];
-        }
+/* A sample takes its place in the history, or is dropped as out of order. */
+static void append(inertial *n, const inertial_sample *s) {
     if (n->count > 0) {
-        int64_t step = s.timestamp_ns - sample_at(n, n->count - 1)->timestamp_ns;
+        int64_t last = sample_at(n, n->count - 1)->timestamp_ns, step = s->timestamp_ns - last;
         if (step <= 0) {
             n->counters.imu_out_of_order++;
+            if (n->late == 0) n->late_ns = s->timestamp_ns;
             if (++n->late < LATE_SAMPLES) return;
             n->count =
                 0; /* not stragglers: the clock was set back, or one stamp lay far ahead. Start anew from here */
             n->period_ns = 0;
             step = 0;
+            clock_watch_samples(&n->clocks, last, n->late_ns);
         }
         n->late = 0;
         if (n->count == 0) {
@@ -159,6 +180,7 @@ static void append(inertial *n, const fathom_imu_sample *raw) {
         } else if (n->period_ns > 0 && step > 5 * n->period_ns) {
             n->counters.imu_gaps++;
             end_stillness(n);
+            clock_watch_samples(&n->clocks, last, s->timestamp_ns);
         } else {
             n->period_ns = n->period_ns == 0 ? step : n->period_ns + (step - n->period_ns) / 16;
             n->gyro_bias_sigma =
@@ -170,18 +192,68 @@ static void append(inertial *n, const fathom_imu_sample *raw) {
         n->count--;
     }
     n->count++;
-    *sample_at(n, n->count - 1) = s;
+    *sample_at(n, n->count - 1) = *s;
     n->counters.imu_accepted++;
-    watch_stillness(n, &s);
+    watch_stillness(n, s);
+}
+
+static bool sudden(const inertial_sample *a, const inertial_sample *b) {
+    for (int i = 0; i < 3; i++)
+        if (fabs(a->gyro[i] - b->gyro[i]) > SUDDEN_RATE || fabs(a->accel[i] - b->accel[i]) > SUDDEN_FORCE)
+            return true;
+    return false;
+}
+
+/* Onto the depth clock and into camera axes. A sudden change waits for the next sample: a glitch ends with it. */
+static void take(inertial *n, const fathom_imu_sample *raw) {
+    inertial_sample s = {.timestamp_ns =
+                             raw->timestamp_ns + n->config->imu_clock_offset_ns + n->clock_shift_ns};
+    if (s.timestamp_ns < -STAMP_MOST || s.timestamp_ns > STAMP_MOST) {
+        n->counters.imu_implausible++;
+        return;
+    }
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            s.gyro[i] += n->rotation[3 * i + j] * raw->gyro[j];
+            s.accel[i] += n->rotation[3 * i + j] * raw->accel[j];
+        }
+    if (n->doubtful) {
+        n->doubtful = false;
+        if (sudden(&n->doubt, &s))
+            n->counters.imu_implausible++;
+        else
+            append(n, &n->doubt);
+    }
+    n->doubtful = n->count > 0 && sudden(sample_at(n, n->count - 1), &s);
+    if (n->doubtful)
+        n->doubt = s;
+    else
+        append(n, &s);
 }
 
 void inertial_drain(inertial *n) {
     unsigned tail = atomic_load_explicit(&n->tail, memory_order_relaxed);
     unsigned head = atomic_load_explicit(&n->head, memory_order_acquire);
     for (; tail != head; tail++) {
-        append(n, &n->ring[tail & (n->capacity - 1)]);
+        take(n, &n->ring[tail & (n->capacity - 1)]);
         atomic_store_explicit(&n->tail, tail + 1, memory_order_release);
     }
+}
+
+void inertial_follow_clock(inertial *n, int64_t frame_ns) {
+    if (n->count == 0 || n->counters.imu_accepted == n->watched) return;
+    n->watched = n->counters.imu_accepted;
+    int64_t newest = sample_at(n, n->count - 1)->timestamp_ns, from = newest;
+    int64_t add = clock_watch_frame(&n->clocks, frame_ns, newest, n->period_ns, &from);
+    if (add == 0 || fabs((double)n->clock_shift_ns + (double)add) > STAMP_MOST) return;
+    n->clock_shift_ns += add;
+    n->counters.imu_clock_leaps++;
+    for (unsigned i = n->count; i > 0 && sample_at(n, i - 1)->timestamp_ns >= from; i--)
+        sample_at(n, i - 1)->timestamp_ns += add;
+    n->doubt.timestamp_ns += add;
+    device_log(n->config, FATHOM_LOG_WARNING,
+               "the clocks of IMU and depth camera leapt apart by %.3f s; the IMU's stamps are moved back",
+               -1e-9 * (double)add);
 }
 
 /* Index of the last sample at or before t, or -1. */
@@ -214,7 +286,7 @@ static void sample_between(inertial *n, int64_t t, int i, double gyro[3], double
 /* One stretch between neighbouring samples, or without any: i is find_sample(early). forward: from early to late. */
 static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int i, bool forward) {
     const fathom_config *c = n->config;
-    bool imu = c->imu && n->count > 1;
+    bool imu = c->imu && n->count > 1 && !n->doubted;
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
     navigator_noise noise = {
@@ -228,8 +300,11 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     if (imu && i + 1 == (int)n->count)
         near = (double)late - (double)sample_at(n, n->count - 1)->timestamp_ns < 1.5e9 * period;
     bool covered = (inside && !gap) || near;
-    if (!covered) dt = fmin(dt, COAST_SECONDS);
-    if (imu) {
+    if (!covered) dt = fmin(dt, MOST_BLIND);
+    /* the latest that is known of the rate: a sample, or the way between the last two poses */
+    int64_t sampled = imu && i >= 0 ? sample_at(n, (unsigned)i)->timestamp_ns : INT64_MIN;
+    bool by_poses = !imu || (!covered && n->corrected_ns > sampled && n->corrected_ns <= early);
+    if (!by_poses) {
         sample_between(n, early, i, w0, a0);
         sample_between(n, late, i, w1, a1);
         for (int k = 0; k < 3; k++) {
@@ -239,17 +314,23 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     } else {
         for (int k = 0; k < 3; k++) gyro[k] = n->turning[k] + s->gyro_bias[k];
     }
+    double coast = dt;
     if (!covered) { /* the angle grows as motion_turn_sigma T^2 with the time T since the rate was known, however it is cut */
-        int64_t known = imu && i >= 0 ? sample_at(n, (unsigned)i)->timestamp_ns
-                        : imu         ? early
-                                      : n->corrected_ns;
-        double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), COAST_SECONDS);
+        int64_t known = by_poses ? n->corrected_ns : sampled == INT64_MIN ? early : sampled;
+        double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), MOST_BLIND);
         noise.turn = c->motion_turn_sigma * sqrt(pow(age + dt, 4) - pow(age, 4));
+        if (n->running) coast = fmin(dt, fmax(COAST_SECONDS - age, 0));
     }
     bool force = covered && c->imu_translation && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
     if (covered) noise.gyro *= n->mismatch;
     if (force) noise.accel = c->accel_noise * n->mismatch;
+    navigator ahead = *s;
+    if (coast < dt) navigator_step(&ahead, forward ? coast : -coast, gyro, NULL, &noise);
     navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
+    if (coast < dt) { /* at rest from there on, but no surer of it */
+        memcpy(s->r, ahead.r, sizeof s->r);
+        memcpy(s->p, ahead.p, sizeof s->p);
+    }
 }
 
 /* Takes a state forward or back to another time, stretch by stretch. */
@@ -369,6 +450,43 @@ static void start(inertial *n, const pose *accepted, int64_t timestamp_ns) {
     n->running = true;
 }
 
+/* The angle between the poses' way and what is foretold of it, squared; by the samples or without. */
+static double foretold_wrongly(inertial *n, bool without, const pose *way, int64_t from_ns, int64_t to_ns) {
+    inertial_motion m;
+    bool doubted = n->doubted;
+    n->doubted = without;
+    int e = inertial_estimate(n, from_ns, to_ns, &m);
+    n->doubted = doubted;
+    if (e != FATHOM_OK) return 0;
+    pose rest = pose_between(&m.motion, way);
+    return fmin(pow(pose_angle(&rest), 2), 1);
+}
+
+/* Do the samples still tell of this camera's turning? A clock that leapt unseen, or a loose IMU, shows here. */
+static void doubt(inertial *n, const pose *accepted, int64_t timestamp_ns) {
+    double dt = 1e-9 * ((double)timestamp_ns - (double)n->corrected_ns);
+    int last = find_sample(n, timestamp_ns), first = find_sample(n, n->corrected_ns);
+    if (!n->config->imu || n->count < 2 || first < 0 || dt > DOUBT_SECONDS) return;
+    double samples = last - first, wanted = 1e9 * dt / (double)n->period_ns;
+    if (samples < 0.5 * wanted || samples < 1) return; /* a gap */
+    pose way = pose_between(&n->corrected, accepted);
+    double gyro = foretold_wrongly(n, false, &way, n->corrected_ns, timestamp_ns);
+    double turn = foretold_wrongly(n, true, &way, n->corrected_ns, timestamp_ns);
+    n->gyro_error += (gyro - n->gyro_error) / 4;
+    n->turn_error += (turn - n->turn_error) / 4;
+    double much = DOUBT_RAD * DOUBT_RAD;
+    bool was = n->doubted;
+    n->against = gyro > fmax(much, turn) ? n->against + 1 : 0; /* one interval may be the poses' fault */
+    n->doubted = was ? n->gyro_error > fmax(much / 4, n->turn_error / 2)
+                     : n->against > 1 && n->gyro_error > fmax(much, 4 * n->turn_error);
+    if (n->doubted == was) return;
+    n->counters.imu_doubts += n->doubted;
+    device_log(n->config, FATHOM_LOG_WARNING,
+               n->doubted
+                   ? "the gyroscope contradicts the poses: the scan goes on without the IMU until they agree"
+                   : "gyroscope and poses agree again");
+}
+
 /* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie from
  * where inertia put them; a sudden misfit widens the stretch that it happened in. */
 static void correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns) {
@@ -393,6 +511,7 @@ static void correct(inertial *n, const pose *accepted, const double information[
 void inertial_correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns) {
     if (n->corrected_ns != INT64_MIN && timestamp_ns > n->corrected_ns) {
         double dt = 1e-9 * ((double)timestamp_ns - (double)n->corrected_ns), w[3];
+        if (n->running) doubt(n, accepted, timestamp_ns);
         pose way = pose_between(&n->corrected, accepted);
         so3_log(way.r, w);
         for (int i = 0; i < 3; i++) n->turning[i] = w[i] / dt;

@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "arena.h"
+#include "clock_watch.h"
 #include "fathom.h"
 #include "navigator.h"
 #include "pose.h"
@@ -30,7 +31,7 @@ typedef struct {
     fathom_imu_sample *ring;
     unsigned capacity; /* a power of two */
     _Atomic unsigned head, tail;
-    _Atomic int64_t overrun, not_finite;
+    _Atomic int64_t overrun, not_finite, absurd;
     /* the stepping thread's */
     inertial_sample *history; /* the latest `capacity` samples, a circle in the order of their stamps */
     unsigned first, count;
@@ -40,11 +41,21 @@ typedef struct {
     double gyro_bias[3], gyro_bias_sigma; /* camera axes, rad/s: from stillness before the navigator starts */
     bool running;                         /* the navigator has a first pose */
     navigator state;                      /* at the last frame */
-    double mismatch; /* how far poses and inertia disagree: sigmas in units of the settings' */
-    double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
+    double mismatch;   /* how far poses and inertia disagree: sigmas in units of the settings' */
+    bool doubted;      /* the gyroscope contradicts the poses: gone on without the samples until it doesn't */
+    int against;       /* accepted poses in a row that it contradicted */
+    double gyro_error; /* rad^2: the turn from pose to pose, as the samples foretold it wrongly */
+    double turn_error; /* the same without samples, from the poses before */
+    double turning[3]; /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
     int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
     pose corrected;       /* that pose */
     int late;             /* samples out of order in a row */
+    int64_t late_ns;      /* stamp of the first of them */
+    bool doubtful;        /* `doubt` differs so much from the one before that it waits for the next */
+    inertial_sample doubt;
+    clock_watch clocks;
+    int64_t clock_shift_ns; /* added to stamps beside the setting's offset: what the clocks leapt apart */
+    int64_t watched;        /* samples that had been accepted at the last frame */
     inertial_stillness stillness;
     fathom_counters counters;
 } inertial;
@@ -63,6 +74,9 @@ int inertial_push(inertial *n, const fathom_imu_sample *sample);
 
 /* Takes what has been pushed into the history. */
 void inertial_drain(inertial *n);
+
+/* A frame is about to be taken, and what arrived before it is in the history: the stamps follow a clock that leapt. */
+void inertial_follow_clock(inertial *n, int64_t frame_ns);
 
 /* The camera's motion between two stamps by inertia alone. FATHOM_OK, or FATHOM_ERROR_NO_DATA when there are neither
  * samples nor an accepted pose. */

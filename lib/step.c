@@ -178,6 +178,7 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     memset(r, 0, sizeof *r);
     r->timestamp_ns = scan->timestamp_ns;
     inertial_drain(&f->inertial);
+    inertial_follow_clock(&f->inertial, scan->timestamp_ns);
     depth_maps_make(&f->maps, &f->device, scan->depth, 0);
     device_wait(&f->device);
     r->ms_maps = (float)(now_ms() - start);

@@ -508,7 +508,8 @@ typedef struct {
 static void *push_many(void *argument) {
     pusher *p = argument;
     for (int i = 0; i < MANY; i++) {
-        fathom_imu_sample s = {(int64_t)i * 1000, {(float)(i % 1000), (float)i, 1}, {0, 0, (float)(i % 7)}};
+        fathom_imu_sample s = {
+            (int64_t)i * 1000, {1e-3f * (float)(i % 1000), 1e-4f * (float)i, 1}, {0, 0, (float)(i % 7)}};
         int64_t before;
         do { /* this thread alone counts overruns: it sees whether its sample was dropped */
             before = atomic_load(&n.overrun);
@@ -534,8 +535,8 @@ static int drain_all(pusher *p, bool all) {
             inertial_sample *s = &n.history[(n.first + n.count - (unsigned)(fresh - i)) & (n.capacity - 1)];
             int64_t which = s->timestamp_ns / 1000;
             assert_true(all ? s->timestamp_ns == last + 1000 : s->timestamp_ns > last);
-            assert_true(s->gyro[0] == (double)(which % 1000) && s->gyro[1] == (double)which &&
-                        s->accel[2] == (double)(which % 7));
+            assert_true(s->gyro[0] == (double)(1e-3f * (float)(which % 1000)) &&
+                        s->gyro[1] == (double)(1e-4f * (float)which) && s->accel[2] == (double)(which % 7));
             last = s->timestamp_ns;
         }
         arrived += fresh;
