@@ -66,6 +66,13 @@ static void information_to_scan(const pose *motion, const double left[36], doubl
     covariance_transport(transposed, left, out);
 }
 
+static void pull_to_scan(const pose *motion, const double left[6], double out[6]) {
+    double adjoint[36];
+    pose_adjoint(motion, adjoint);
+    memset(out, 0, 6 * sizeof *out);
+    for (int i = 0; i < 36; i++) out[i % 6] += adjoint[i] * left[i / 6];
+}
+
 /* The seed's word on the next left twist x of the motion: it is off from the seed by log(inv(seed) motion), in the scan's
  * axes, which x changes by Ad(inv(motion)) x; that sum has the seed's covariance. */
 static bool prior_at(const align_seed *seed, const pose *motion, const fathom_config *c, solve_prior *prior) {
@@ -120,10 +127,12 @@ void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, cons
                 for (int k = 0; k < 36; k++) s.covariance[k] *= variance;
             }
             covariance_to_scan(&result->motion, s.covariance, result->covariance);
-            if (held)
+            if (held) {
                 information_to_scan(&result->motion, s.information, result->information);
-            else
+                pull_to_scan(&result->motion, s.pull, result->pull);
+            } else {
                 covariance_invert(result->covariance, result->information);
+            }
 
             bool small =
                 pose_angle(&update) < c->stop_rotation_rad && pose_distance(&update) < c->stop_translation_m;

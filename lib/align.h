@@ -23,7 +23,8 @@ typedef struct {
     double singular[6], condition;
     double covariance[36]; /* of motion, in the scan camera's axes: motion * exp(error) */
     double information
-        [36]; /* the same from the pairs alone, inverted: directions that they leave free have none */
+        [36];       /* the same from the pairs alone, inverted: directions that they leave free have none */
+    double pull[6]; /* that information times the way from motion to where the pairs alone want it */
 } alignment;
 
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);

@@ -489,12 +489,13 @@ static void doubt(inertial *n, const pose *accepted, int64_t timestamp_ns) {
 
 /* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie from
  * where inertia put them; a sudden misfit widens the stretch that it happened in. */
-static void correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns) {
+static void correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
+                    int64_t timestamp_ns) {
     const fathom_config *c = n->config;
     double floor_rad = c->pose_noise_rad * n->mismatch, floor_m = c->pose_noise_m * n->mismatch;
     navigator before = n->state;
     travel(n, &n->state, timestamp_ns);
-    double misfit = navigator_misfit(&n->state, n->lever, accepted, information, floor_rad, floor_m);
+    double misfit = navigator_misfit(&n->state, n->lever, accepted, information, pull, floor_rad, floor_m);
     if (misfit >= 0 && c->imu && n->count > 1) {
         double factor = misfit > MISMATCH_JUMP ? sqrt(misfit / 2) : exp(0.5 * MISMATCH_RATE * (misfit - 1));
         n->mismatch = fmin(fmax(n->mismatch * factor, MISMATCH_LEAST), MISMATCH_MOST);
@@ -505,10 +506,11 @@ static void correct(inertial *n, const pose *accepted, const double information[
             floor_m = c->pose_noise_m * n->mismatch;
         }
     }
-    navigator_correct(&n->state, n->lever, accepted, information, floor_rad, floor_m);
+    navigator_correct(&n->state, n->lever, accepted, information, pull, floor_rad, floor_m);
 }
 
-void inertial_correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns) {
+void inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
+                      int64_t timestamp_ns) {
     if (n->corrected_ns != INT64_MIN && timestamp_ns > n->corrected_ns) {
         double dt = 1e-9 * ((double)timestamp_ns - (double)n->corrected_ns), w[3];
         if (n->running) doubt(n, accepted, timestamp_ns);
@@ -521,7 +523,7 @@ void inertial_correct(inertial *n, const pose *accepted, const double informatio
     } else {
         double exact[36] = {0};
         for (int i = 0; i < 6; i++) exact[7 * i] = EXACT;
-        correct(n, accepted, information ? information : exact, timestamp_ns);
+        correct(n, accepted, information ? information : exact, pull, timestamp_ns);
         stand_still(n);
     }
     n->corrected = *accepted;

@@ -86,7 +86,9 @@ int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_moti
 void inertial_advance(inertial *n, int64_t timestamp_ns);
 
 /* An accepted pose corrects the navigator (the first one starts it). information: 6x6 of the pose, camera axes, right
- * perturbation; directions without information correct nothing. NULL: the pose is exact. */
-void inertial_correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns);
+ * perturbation; directions without information correct nothing. NULL: the pose is exact. pull: see
+ * navigator_correct. */
+void inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
+                      int64_t timestamp_ns);
 
 #endif

@@ -159,40 +159,47 @@ struct Comparison {
     Matrix6 predicted; /* H P H^T */
     Matrix6 floors;
     Matrix6 w;
-    Eigen::Matrix<double, 6, 1> innovation;
+    Eigen::Matrix<double, 6, 1> weighed; /* W times the innovation */
 };
 
 static Comparison compare(const navigator *n, const double lever[3], const pose *camera_to_world,
-                          const double information[36], double floor_rad, double floor_m) {
+                          const double information[36], const double pull[6], double floor_rad,
+                          double floor_m) {
     Comparison c;
     Observation h = camera_of_error(n, lever);
     Matrix6 y = Eigen::Map<const RowMatrix6>(information), identity = Matrix6::Identity();
     c.floors.setZero();
     for (int i = 0; i < 6; i++) c.floors(i, i) = i < 3 ? floor_rad * floor_rad : floor_m * floor_m;
-    y = y * (identity + c.floors * y).partialPivLu().inverse(); /* (Y^-1 + floors)^-1 */
+    auto floored = (identity + y * c.floors).partialPivLu(); /* (Y^-1 + floors)^-1 = (I + Y floors)^-1 Y */
+    y = floored.solve(y).eval();
     y = 0.5 * (y + y.transpose()).eval();
     c.ph = Eigen::Map<const RowCovariance>(n->covariance) * h.transpose();
     c.predicted = h * c.ph;
-    c.w = (identity + y * c.predicted).partialPivLu().solve(y);
+    auto gain = (identity + y * c.predicted).partialPivLu();
+    c.w = gain.solve(y);
     pose camera = navigator_camera(n, lever), way = pose_between(&camera, camera_to_world);
-    pose_log(&way, c.innovation.data());
+    Eigen::Matrix<double, 6, 1> innovation, right;
+    pose_log(&way, innovation.data());
+    right = y * innovation;
+    if (pull) right += floored.solve(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(pull));
+    c.weighed = gain.solve(right);
     return c;
 }
 
 double navigator_misfit(const navigator *n, const double lever[3], const pose *camera_to_world,
-                        const double information[36], double floor_rad, double floor_m) {
-    Comparison c = compare(n, lever, camera_to_world, information, floor_rad, floor_m);
+                        const double information[36], const double pull[6], double floor_rad,
+                        double floor_m) {
+    Comparison c = compare(n, lever, camera_to_world, information, pull, floor_rad, floor_m);
     Matrix6 own = c.predicted + c.floors;
-    Eigen::Matrix<double, 6, 1> seen = c.w * c.innovation;
-    double directions = (c.w * own).trace(), square = seen.dot(own * seen);
+    double directions = (c.w * own).trace(), square = c.weighed.dot(own * c.weighed);
     return directions > 1 && std::isfinite(square) ? square / directions : -1;
 }
 
 void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
-                       const double information[36], double floor_rad, double floor_m) {
-    Comparison c = compare(n, lever, camera_to_world, information, floor_rad, floor_m);
+                       const double information[36], const double pull[6], double floor_rad, double floor_m) {
+    Comparison c = compare(n, lever, camera_to_world, information, pull, floor_rad, floor_m);
     Eigen::Matrix<double, NAVIGATOR_STATES, 6> gain = c.ph * c.w;
-    Error e = gain * c.innovation;
+    Error e = c.ph * c.weighed;
     if (!e.allFinite()) return;
     Eigen::Map<RowCovariance> stored(n->covariance);
     Covariance p = stored;

@@ -31,7 +31,8 @@ typedef struct {
     double gyro_walk;  /* rad/s/sqrt(s) */
     double accel_walk; /* m/s^2/sqrt(s) */
     double turn;       /* rad more, for a stretch without samples */
-    double rotation_walk, position_walk; /* rad/sqrt(s), m/sqrt(s): drift of the poses that the state is held to */
+    double rotation_walk,
+        position_walk; /* rad/sqrt(s), m/sqrt(s): drift of the poses that the state is held to */
 } navigator_noise;
 
 /* Sigmas of a start: of velocity, biases, gravity; rotation and position are known, for the first pose is the world.
@@ -46,14 +47,15 @@ void navigator_step(navigator *n, double dt, const double gyro[3], const double 
 
 /* A camera pose with its information (6x6, right perturbation of the camera's pose, rotation then translation): directions
  * without information correct nothing. floor_rad and floor_m: sigma of what no information counts. lever: the IMU's
- * origin in camera axes. */
+ * origin in camera axes. pull: where the pose was found jointly with a prior, the information times the way from it to what
+ * the measurement alone says, so that the prior doesn't count twice; NULL: none. */
 void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
-                       const double information[36], double floor_rad, double floor_m);
+                       const double information[36], const double pull[6], double floor_rad, double floor_m);
 
 /* How the same pose fits to the state, before it corrects it: the squared innovation in units of what the state's covariance
  * and the floors, but not the information, explain of it; 1 is expected. Negative: the pose says too little to tell. */
 double navigator_misfit(const navigator *n, const double lever[3], const pose *camera_to_world,
-                        const double information[36], double floor_rad, double floor_m);
+                        const double information[36], const double pull[6], double floor_rad, double floor_m);
 
 /* The IMU stands still: its velocity is zero and its gyroscope reads its bias (mean over the stillness). Either is left out
  * where the state is sure of something else. */

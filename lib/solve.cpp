@@ -80,17 +80,21 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
         double noise = largest / (prior->max_condition * prior->max_condition);
         Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;
         Vector6 right = joint * to_origin.inverse() * Eigen::Map<const Vector6>(prior->mean);
+        Vector6 own_right = Vector6::Zero();
         Matrix6 own = Matrix6::Zero();
         for (int i = 0; i < 6; i++) {
             double information = std::max(squared[i] - noise, 0.0) / variance;
             own += information * v.col(i) * v.col(i).transpose();
-            if (squared[i] > 1e-12 * largest) right += v.col(i) * (information * projected[i] / squared[i]);
+            if (squared[i] > 1e-12 * largest)
+                own_right += v.col(i) * (information * projected[i] / squared[i]);
         }
         joint += own;
+        right += own_right;
         Matrix6 from_origin = to_origin.inverse();
         Eigen::Map<Matrix6>(s->information) = from_origin.transpose() * own * from_origin;
         Eigen::LDLT<Eigen::Matrix<double, 6, 6>> factor(joint);
         y = factor.solve(right);
+        Eigen::Map<Vector6>(s->pull) = from_origin.transpose() * (own_right - own * y);
         covariance = factor.solve(Matrix6::Identity());
         s->residual = std::max(e->btb - 2 * y.dot(g) + y.dot(h * y), 0.0);
     }

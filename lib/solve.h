@@ -32,6 +32,8 @@ typedef struct {
     double information
         [36]; /* of twist, from the pairs alone, in true units, without the share that noise makes; zero
                                where no prior was given */
+    double pull
+        [6]; /* that information times what the pairs alone would add to twist: where the prior holds against them */
 } solution;
 
 /* Adds one strip's sums, as the kernel wrote them, in double precision. */

@@ -131,7 +131,7 @@ static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result 
     r->verdict = f->started ? FATHOM_VERDICT_TRACKING : FATHOM_VERDICT_NO_DEPTH;
     if (!f->started) return;
     keep_as_reference(f, &f->pose);
-    inertial_correct(&f->inertial, &f->pose, NULL, r->timestamp_ns);
+    inertial_correct(&f->inertial, &f->pose, NULL, NULL, r->timestamp_ns);
     memset(f->covariance, 0, sizeof f->covariance);
     for (int i = 0; i < 6; i++) f->covariance[7 * i] = 1e-10; /* the first frame is the world */
 }
@@ -163,7 +163,7 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
         memcpy(f->covariance, icp.covariance, sizeof f->covariance);
         if (!f->paused) fuse(f, &f->pose, r);
         keep_as_reference(f, &f->pose);
-        inertial_correct(&f->inertial, &f->pose, icp.information, r->timestamp_ns);
+        inertial_correct(&f->inertial, &f->pose, icp.information, icp.pull, r->timestamp_ns);
         r->state = FATHOM_TRACKED;
     } else {
         f->pose = seed;

@@ -155,8 +155,8 @@ static void reversed_interval_is_the_inverse(void **state) {
     push_cone(200, 2);
     const double turned[6] = {0.3, -0.7, 1.1, 0.2, 0.1, -0.4}, moved[6] = {0.02, 0.01, 0, 0.05, -0.02, 0.03};
     pose before = pose_exp(turned), way = pose_exp(moved), after = pose_multiply(&before, &way);
-    inertial_correct(&n, &before, NULL, ns(0.3));
-    inertial_correct(&n, &after, NULL, ns(0.4)); /* so that it has a velocity */
+    inertial_correct(&n, &before, NULL, NULL, ns(0.3));
+    inertial_correct(&n, &after, NULL, NULL, ns(0.4)); /* so that it has a velocity */
     const int64_t first[] = {ns(0.4), ns(0.4123), ns(0.2), ns(1.9)},
                   second[] = {ns(0.9), ns(1.7001), ns(0.7), ns(2.6)};
     for (int i = 0; i < 4; i++) { /* after, across and before the last pose, and beyond the samples */
@@ -263,7 +263,7 @@ static pose follow_a_steady_way(void) {
         }
         so3_exp(w, r);
         so3_multiply(start.r, r, p.r);
-        inertial_correct(&n, &p, NULL, ns(0.1 * i));
+        inertial_correct(&n, &p, NULL, NULL, ns(0.1 * i));
     }
     return p;
 }
@@ -347,7 +347,7 @@ static void absurd_stamps_stay_finite(void **state) {
             for (int i = 0; i < 6; i++) {
                 const pose origin = pose_identity();
                 inertial_advance(&n, stamps[5 - i]);
-                inertial_correct(&n, &origin, NULL, stamps[i]);
+                inertial_correct(&n, &origin, NULL, NULL, stamps[i]);
                 for (int k = 0; k < 9; k++) assert_true(isfinite(n.state.r[k]));
                 for (int k = 0; k < 3; k++) assert_true(isfinite(n.state.p[k]) && isfinite(n.state.v[k]));
                 for (int k = 0; k < NAVIGATOR_STATES * NAVIGATOR_STATES; k++)

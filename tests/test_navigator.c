@@ -98,7 +98,7 @@ static void correct_at(double t) {
     double information[36] = {0};
     pose p = true_pose(t);
     for (int i = 0; i < 6; i++) information[7 * i] = 1e8;
-    inertial_correct(&n, &p, information, ns(t));
+    inertial_correct(&n, &p, information, NULL, ns(t));
 }
 
 /* Frames from `from` to `to`, samples from `start` on. */
@@ -320,7 +320,7 @@ static void a_direction_without_information_is_not_corrected(void **state) {
         navigator before = s;
         pose predicted = navigator_camera(&s, none), way = pose_exp(twist);
         pose measured = pose_multiply(&predicted, &way);
-        navigator_correct(&s, none, &measured, information, 0, 0);
+        navigator_correct(&s, none, &measured, information, NULL, 0, 0);
         pose after = navigator_camera(&s, none), moved = pose_between(&predicted, &after);
         pose_log(&moved, got);
         double covariance[36];
@@ -344,7 +344,7 @@ static void a_direction_without_information_is_not_corrected(void **state) {
     start_uncertain(&s, at);
     pose predicted = navigator_camera(&s, none), way = pose_exp(twist);
     pose measured = pose_multiply(&predicted, &way);
-    navigator_correct(&s, none, &measured, information, 0.006, 0.004);
+    navigator_correct(&s, none, &measured, information, NULL, 0.006, 0.004);
     pose after = navigator_camera(&s, none), moved = pose_between(&predicted, &after);
     pose_log(&moved, got);
     for (int i = 0; i < 3; i++) /* the floor of 4 mm beside a sigma of 10 cm takes 0.16 % */
