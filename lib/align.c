@@ -5,7 +5,7 @@
 
 /* Neighbouring pixels share their noise (smoothing, correlated disparities), and the model isn't exact: so many pairs
  * count as one in the covariance. */
-#define CORRELATED_PAIRS 300.0
+#define CORRELATED_PAIRS 50.0
 
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps) {
     memset(a, 0, sizeof *a);

@@ -18,6 +18,7 @@
 #define MAP_TURN_WALK 2e-3      /* rad/sqrt(s): how fast poses and the map drift from the truth together */
 #define MAP_WALK 1e-3           /* m/sqrt(s), the same */
 #define MISMATCH_LEAST 0.05     /* sigmas that the settings give, times this, are those of a good sensor */
+#define MISMATCH_GYRO 0.1       /* the same of a gyroscope, whose noise poses hardly show */
 #define MISMATCH_SEED 0.2 /* a seed's floor shrinks no further: clock and mounting are never quite right */
 #define MISMATCH_MOST 3
 #define MISMATCH_RATE 0.1  /* a pose's part in the mismatch's logarithm */
@@ -322,7 +323,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
         if (n->running) coast = fmin(dt, fmax(COAST_SECONDS - age, 0));
     }
     bool force = covered && c->imu_translation && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
-    if (covered) noise.gyro *= n->mismatch;
+    if (covered) noise.gyro *= fmax(n->mismatch, MISMATCH_GYRO);
     if (force) noise.accel = c->accel_noise * n->mismatch;
     navigator ahead = *s;
     if (coast < dt) navigator_step(&ahead, forward ? coast : -coast, gyro, NULL, &noise);

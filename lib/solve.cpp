@@ -3,6 +3,10 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+/* A direction that the normals' noise tells nearly as much of as the pairs do drags the pose along: this many times the noise
+ * halves what it says. */
+#define SHYNESS 30.0
+
 using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Eigen::Matrix3d;
@@ -83,7 +87,8 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
         Vector6 own_right = Vector6::Zero();
         Matrix6 own = Matrix6::Zero();
         for (int i = 0; i < 6; i++) {
-            double information = std::max(squared[i] - noise, 0.0) / variance;
+            double information =
+                std::max(squared[i] - noise, 0.0) / variance * squared[i] / (squared[i] + SHYNESS * noise);
             own += information * v.col(i) * v.col(i).transpose();
             if (squared[i] > 1e-12 * largest)
                 own_right += v.col(i) * (information * projected[i] / squared[i]);
