@@ -1,0 +1,293 @@
+/* Mounting rotation and clock offset from turning alone. A camera turning at rate a and a gyroscope reading b satisfy
+ * a(t + offset) = scale C (b(t) - bias). First the offset and C that make mean rates over short windows most alike, in
+ * closed form for each offset of a grid; from there by Gauss and Newton, with the gyroscope integrated exactly. */
+#include "calibration.h"
+#include "calibration_frames.hpp"
+#include "robust_fit.hpp"
+
+#include <cmath>
+#include <new>
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double window_s = 1.0;        /* long against alignment's noise, short against drift and bias */
+constexpr double reach_s = 4 * window_s; /* beyond it, the errors of windows are taken as independent */
+constexpr double grid_s = 0.005;
+constexpr double least_correlation = 0.7;
+constexpr double mirror_gain = 0.1;   /* of correlation, before a mirror is believed in */
+constexpr double weak_turning = 0.05; /* rad/s: below, noise alone may spoil the correlation */
+constexpr double scale_low = 0.8, scale_high = 1.25;
+/* What is known of any MEMS gyroscope before the data speak. */
+constexpr double bias_prior = 0.1 /* rad/s */, scale_prior = 0.05;
+constexpr int most_steps = 30;
+
+enum { ROTATION = 0, OFFSET = 3, BIAS = 4, SCALE = 7, PARAMETERS = 8 };
+using TurnFit = Fit<PARAMETERS>;
+using TurnRow = FitRow<PARAMETERS>;
+
+/* From frame i to frame j: the camera's turn, and the gyroscope's as last placed. */
+struct Window {
+    int i, j;
+    double seconds;
+    Quaterniond camera, gyro;
+    bool usable; /* there are samples for it */
+};
+
+/* How alike the windows' mean rates are; their means over all windows are taken off, and the bias with them. */
+struct Likeness {
+    int windows = 0;
+    Matrix3d covariance = Matrix3d::Zero(); /* of camera and gyroscope, over the roots of both mean squares */
+    Vector3d camera_square = Vector3d::Zero(); /* mean squares, rad^2/s^2 */
+    double gyro_square = 0;
+};
+
+struct Guess {
+    Quaterniond rotation = Quaterniond::Identity();
+    double offset = 0;
+    Vector3d bias = Vector3d::Zero();
+    double scale = 1;
+};
+
+class Solver {
+  public:
+    CalibrationFrames frames;
+    GyroPath gyro;
+
+    bool prepare(const calibration_input &input);
+    calibration_outcome search(const calibration_input &input, Guess *guess, calibration *result);
+    calibration_outcome refine(Guess *guess, calibration *result);
+
+  private:
+    std::unique_ptr<Window[]> windows;
+    std::unique_ptr<TurnRow[]> rows;
+    std::unique_ptr<double[]> scratch;
+    int count = 0;
+
+    int place(double offset);
+    Likeness compare() const;
+    Vector3d residual(const Window &window, const Guess &guess) const;
+    int linearise(const Guess &guess);
+};
+
+} // namespace
+
+bool Solver::prepare(const calibration_input &input) {
+    if (!frames.read(input.path) || !gyro.read(input.imu, input.imu_count, frames.origin_ns)) return false;
+    gyro.integrate(Vector3d::Zero(), 1);
+    windows.reset(new (std::nothrow) Window[(size_t)frames.count + 1]);
+    rows.reset(new (std::nothrow) TurnRow[(size_t)frames.count + 1]);
+    scratch.reset(new (std::nothrow) double[(size_t)frames.count + 1]);
+    if (!windows || !rows || !scratch) return false;
+    for (int i = 0; i < frames.count; i++) {
+        const int j = frames.after(i, window_s);
+        if (j < 0) continue;
+        const CalibrationFrame &a = frames.frame[i], &b = frames.frame[j];
+        windows[count++] = {i,    j, b.t - a.t, a.rotation.conjugate() * b.rotation, Quaterniond::Identity(),
+                            false};
+    }
+    return true;
+}
+
+/* Looks up the gyroscope's turns at an offset; the number of windows that have one. */
+int Solver::place(double offset) {
+    int usable = 0;
+    for (int k = 0; k < count; k++) {
+        Window &w = windows[k];
+        w.usable = gyro.between(frames.frame[w.i].t - offset, frames.frame[w.j].t - offset, &w.gyro);
+        usable += w.usable;
+    }
+    return usable;
+}
+
+/* ---- the closed form ----------------------------------------------------------------------------------- */
+
+Likeness Solver::compare() const {
+    Likeness like;
+    Vector3d camera_mean = Vector3d::Zero(), gyro_mean = Vector3d::Zero();
+    for (int k = 0; k < count; k++) {
+        const Window &w = windows[k];
+        if (!w.usable) continue;
+        camera_mean += rotation_log(w.camera) / w.seconds;
+        gyro_mean += rotation_log(w.gyro) / w.seconds;
+        like.windows++;
+    }
+    if (!like.windows) return like;
+    camera_mean /= like.windows;
+    gyro_mean /= like.windows;
+    for (int k = 0; k < count; k++) {
+        const Window &w = windows[k];
+        if (!w.usable) continue;
+        const Vector3d a = rotation_log(w.camera) / w.seconds - camera_mean;
+        const Vector3d b = rotation_log(w.gyro) / w.seconds - gyro_mean;
+        like.covariance += a * b.transpose() / like.windows;
+        like.camera_square += a.cwiseAbs2() / like.windows;
+        like.gyro_square += b.squaredNorm() / like.windows;
+    }
+    like.covariance /= std::sqrt(std::max(like.camera_square.sum() * like.gyro_square, 1e-30));
+    return like;
+}
+
+/* Horn 1987, "Closed-form solution of absolute orientation using unit quaternions", Section 4: the rotation that
+ * correlates the rates best, and how well; *mirrored is what the best reflection would reach. */
+static double best_rotation(const Matrix3d &covariance, Quaterniond *rotation, double *mirrored) {
+    const Matrix3d s = covariance.transpose();
+    Eigen::Matrix4d n;
+    n << s.trace(), s(1, 2) - s(2, 1), s(2, 0) - s(0, 2), s(0, 1) - s(1, 0), /**/
+        0, 2 * s(0, 0) - s.trace(), s(0, 1) + s(1, 0), s(2, 0) + s(0, 2),    /**/
+        0, 0, 2 * s(1, 1) - s.trace(), s(1, 2) + s(2, 1),                    /**/
+        0, 0, 0, 2 * s(2, 2) - s.trace();
+    const Eigen::Matrix4d symmetric = n.selfadjointView<Eigen::Upper>();
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> eigen(symmetric);
+    const Eigen::Vector4d q = eigen.eigenvectors().col(3);
+    *rotation = Quaterniond(q[0], q[1], q[2], q[3]).normalized();
+    *mirrored = -eigen.eigenvalues()[0]; /* a reflection is a rotation of the rates' negatives */
+    return eigen.eigenvalues()[3];
+}
+
+calibration_outcome Solver::search(const calibration_input &input, Guess *guess, calibration *result) {
+    const int half = (int)std::ceil(input.offset_range / grid_s);
+    int most = 0, best = 0;
+    double correlation = -1, mirrored = -1;
+    for (int k = -half; k <= half; k++) most = std::max(most, place(input.offset_start + k * grid_s));
+    result->windows = most;
+    if (most < CALIBRATION_LEAST_WINDOWS) return CALIBRATION_FEW_FRAMES;
+    Likeness like;
+    for (int k = -half; k <= half; k++) {
+        const double offset = input.offset_start + k * grid_s;
+        if (place(offset) < std::max(most / 2, CALIBRATION_LEAST_WINDOWS)) continue;
+        const Likeness here = compare();
+        Quaterniond rotation;
+        double reflection;
+        const double value = best_rotation(here.covariance, &rotation, &reflection);
+        mirrored = std::max(mirrored, reflection);
+        if (value <= correlation) continue;
+        correlation = value;
+        best = k;
+        like = here;
+        guess->rotation = rotation;
+        guess->offset = offset;
+    }
+    for (int i = 0; i < 3; i++) result->turning[i] = std::sqrt(like.camera_square[i]);
+    result->correlation = correlation;
+    result->gyro_scale = std::sqrt(like.camera_square.sum() / std::max(like.gyro_square, 1e-30));
+    const double turning = std::sqrt(like.camera_square.sum());
+    if (mirrored > correlation + mirror_gain && mirrored > least_correlation) return CALIBRATION_MIRRORED;
+    if (correlation < least_correlation)
+        return turning < weak_turning ? CALIBRATION_LITTLE_TURNING : CALIBRATION_DISAGREES;
+    if (result->gyro_scale < scale_low || result->gyro_scale > scale_high) return CALIBRATION_SCALE;
+    return half > 0 && std::abs(best) == half ? CALIBRATION_RANGE : CALIBRATION_DONE;
+}
+
+/* ---- the refinement ------------------------------------------------------------------------------------ */
+
+/* The turn that is left between what the gyroscope says and what the camera did, in the later camera's axes. */
+Vector3d Solver::residual(const Window &window, const Guess &guess) const {
+    const Quaterniond turn = guess.rotation * window.gyro * guess.rotation.conjugate();
+    return rotation_log(turn.conjugate() * window.camera);
+}
+
+static Guess moved(const Guess &guess, const TurnFit::Vector &step) {
+    return {(rotation_exp(step.segment<3>(ROTATION)) * guess.rotation).normalized(),
+            guess.offset + step[OFFSET], guess.bias + step.segment<3>(BIAS), guess.scale + step[SCALE]};
+}
+
+/* Rows for all usable windows: the residual, and its derivatives by central differences. Returns their number;
+ * the gyroscope's path is left integrated as the guess has it. */
+int Solver::linearise(const Guess &guess) {
+    static const double steps[PARAMETERS] = {1e-4, 1e-4, 1e-4, 5e-4, 1e-4, 1e-4, 1e-4, 1e-4};
+    const auto fill = [&](const Guess &at, const auto &take) {
+        int row = 0;
+        gyro.integrate(at.bias, at.scale);
+        for (int k = 0; k < count; k++) {
+            if (!windows[k].usable) continue;
+            Window w = windows[k];
+            /* A window at the very end of the samples may lose them by the step: it then says nothing. */
+            if (!gyro.between(frames.frame[w.i].t - at.offset, frames.frame[w.j].t - at.offset, &w.gyro))
+                w.gyro = windows[k].gyro;
+            take(rows[row++], residual(w, at), frames.frame[w.i].t);
+        }
+        return row;
+    };
+    for (int p = 0; p < PARAMETERS; p++) {
+        TurnFit::Vector step = TurnFit::Vector::Zero();
+        step[p] = steps[p];
+        fill(moved(guess, step),
+             [&](TurnRow &row, const Vector3d &value, double) { row.jacobian.col(p) = value; });
+        fill(moved(guess, -step), [&](TurnRow &row, const Vector3d &value, double) {
+            row.jacobian.col(p) = (row.jacobian.col(p) - value) / (2 * steps[p]);
+        });
+    }
+    return fill(guess, [](TurnRow &row, const Vector3d &value, double t) {
+        row.value = value;
+        row.t = t;
+    });
+}
+
+calibration_outcome Solver::refine(Guess *guess, calibration *result) {
+    TurnFit fit;
+    for (int i = 0; i < 3; i++) fit.prior(BIAS + i, BIAS + i) = 1 / (bias_prior * bias_prior);
+    fit.prior(SCALE, SCALE) = 1 / (scale_prior * scale_prior);
+    int used = 0;
+    for (int n = 0; n < most_steps; n++) {
+        gyro.integrate(guess->bias, guess->scale);
+        place(guess->offset);
+        used = linearise(*guess);
+        if (used < CALIBRATION_LEAST_WINDOWS) return CALIBRATION_FEW_FRAMES;
+        TurnFit::Vector expected = TurnFit::Vector::Zero();
+        expected.segment<3>(BIAS) = -guess->bias;
+        expected[SCALE] = 1 - guess->scale;
+        fit.prior_pull = fit.prior * expected;
+        TurnFit::Vector step = fit.step(rows.get(), used, scratch.get());
+        if (!step.allFinite()) return CALIBRATION_LITTLE_TURNING;
+        /* Beyond these the linear model is no guide. */
+        const double most = std::max(step.segment<3>(ROTATION).norm() / 0.2, std::fabs(step[OFFSET]) / 0.02);
+        if (most > 1) step /= most;
+        *guess = moved(*guess, step);
+        if (step.segment<3>(ROTATION).norm() < 1e-6 && std::fabs(step[OFFSET]) < 1e-7) break;
+    }
+    gyro.integrate(guess->bias, guess->scale);
+    place(guess->offset);
+
+    double seconds = 0; /* of tracking; windows that share no frame are independent */
+    for (int k = 0; k < count; k++)
+        if (windows[k].usable) seconds += windows[k].seconds / (windows[k].j - windows[k].i);
+    const TurnFit::Matrix covariance = fit.covariance(rows.get(), used, reach_s, 3 * seconds / window_s);
+    const auto sigma = [&](int p) { return std::sqrt(covariance(p, p)); };
+    const Matrix3d rotation = guess->rotation.toRotationMatrix();
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) result->rotation[3 * i + k] = rotation(i, k);
+        result->rotation_sigma[i] = sigma(ROTATION + i);
+        result->gyro_bias[i] = guess->bias[i];
+        result->gyro_bias_sigma[i] = sigma(BIAS + i);
+    }
+    result->offset = guess->offset;
+    result->offset_sigma = sigma(OFFSET);
+    result->offset_observable = result->offset_sigma <= CALIBRATION_OFFSET_SIGMA_S;
+    result->gyro_scale = guess->scale;
+    result->gyro_scale_sigma = sigma(SCALE);
+    result->rotation_residual = fit.sigma;
+    result->windows = used;
+    const Matrix3d open = covariance.block<3, 3>(ROTATION, ROTATION);
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(open);
+    for (int i = 0; i < 3; i++) result->weak_axis[i] = eigen.eigenvectors()(i, 2);
+    result->weak_sigma = std::sqrt(eigen.eigenvalues()[2]);
+    return result->weak_sigma <= CALIBRATION_ROTATION_SIGMA_DEG * (M_PI / 180) ? CALIBRATION_DONE
+                                                                               : CALIBRATION_LITTLE_TURNING;
+}
+
+calibration_outcome calibration_solve(const calibration_input *input, calibration *result) {
+    *result = calibration();
+    Solver solver;
+    Guess guess;
+    if (!solver.prepare(*input)) return CALIBRATION_MEMORY;
+    calibration_outcome outcome = solver.search(*input, &guess, result);
+    if (outcome == CALIBRATION_DONE) outcome = solver.refine(&guess, result);
+    if (outcome == CALIBRATION_DONE && solver.gyro.has_force() &&
+        !calibrate_lever(solver.frames, solver.gyro, input->gravity > 0 ? input->gravity : 9.80665, result))
+        outcome = CALIBRATION_MEMORY;
+    return outcome;
+}
