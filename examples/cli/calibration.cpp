@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double window_s = 1.0;        /* long against alignment's noise, short against drift and bias */
+constexpr double window_s = 0.4;         /* long against alignment's noise, short against drift and bias */
 constexpr double reach_s = 4 * window_s; /* beyond it, the errors of windows are taken as independent */
 constexpr double grid_s = 0.005;
 constexpr double least_correlation = 0.7;
@@ -198,7 +198,7 @@ static Guess moved(const Guess &guess, const TurnFit::Vector &step) {
 /* Rows for all usable windows: the residual, and its derivatives by central differences. Returns their number;
  * the gyroscope's path is left integrated as the guess has it. */
 int Solver::linearise(const Guess &guess) {
-    static const double steps[PARAMETERS] = {1e-4, 1e-4, 1e-4, 5e-4, 1e-4, 1e-4, 1e-4, 1e-4};
+    static const double steps[PARAMETERS] = {1e-4, 1e-4, 1e-4, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4};
     const auto fill = [&](const Guess &at, const auto &take) {
         int row = 0;
         gyro.integrate(at.bias, at.scale);
@@ -225,6 +225,20 @@ int Solver::linearise(const Guess &guess) {
         row.value = value;
         row.t = t;
     });
+}
+
+/* Takes the rotation's sigmas from its covariance. */
+static calibration_outcome judge_rotation(calibration *result) {
+    Matrix3d covariance;
+    for (int i = 0; i < 9; i++) covariance(i / 3, i % 3) = result->rotation_covariance[i];
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(covariance);
+    for (int i = 0; i < 3; i++) {
+        result->rotation_sigma[i] = std::sqrt(covariance(i, i));
+        result->weak_axis[i] = eigen.eigenvectors()(i, 2);
+    }
+    result->weak_sigma = std::sqrt(eigen.eigenvalues()[2]);
+    return result->weak_sigma <= CALIBRATION_ROTATION_SIGMA_DEG * (M_PI / 180) ? CALIBRATION_DONE
+                                                                               : CALIBRATION_LITTLE_TURNING;
 }
 
 calibration_outcome Solver::refine(Guess *guess, calibration *result) {
@@ -260,7 +274,6 @@ calibration_outcome Solver::refine(Guess *guess, calibration *result) {
     const Matrix3d rotation = guess->rotation.toRotationMatrix();
     for (int i = 0; i < 3; i++) {
         for (int k = 0; k < 3; k++) result->rotation[3 * i + k] = rotation(i, k);
-        result->rotation_sigma[i] = sigma(ROTATION + i);
         result->gyro_bias[i] = guess->bias[i];
         result->gyro_bias_sigma[i] = sigma(BIAS + i);
     }
@@ -272,11 +285,8 @@ calibration_outcome Solver::refine(Guess *guess, calibration *result) {
     result->rotation_residual = fit.sigma;
     result->windows = used;
     const Matrix3d open = covariance.block<3, 3>(ROTATION, ROTATION);
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(open);
-    for (int i = 0; i < 3; i++) result->weak_axis[i] = eigen.eigenvectors()(i, 2);
-    result->weak_sigma = std::sqrt(eigen.eigenvalues()[2]);
-    return result->weak_sigma <= CALIBRATION_ROTATION_SIGMA_DEG * (M_PI / 180) ? CALIBRATION_DONE
-                                                                               : CALIBRATION_LITTLE_TURNING;
+    for (int i = 0; i < 9; i++) result->rotation_covariance[i] = open(i / 3, i % 3);
+    return judge_rotation(result);
 }
 
 calibration_outcome calibration_solve(const calibration_input *input, calibration *result) {
@@ -286,8 +296,8 @@ calibration_outcome calibration_solve(const calibration_input *input, calibratio
     if (!solver.prepare(*input)) return CALIBRATION_MEMORY;
     calibration_outcome outcome = solver.search(*input, &guess, result);
     if (outcome == CALIBRATION_DONE) outcome = solver.refine(&guess, result);
-    if (outcome == CALIBRATION_DONE && solver.gyro.has_force() &&
-        !calibrate_lever(solver.frames, solver.gyro, input->gravity > 0 ? input->gravity : 9.80665, result))
-        outcome = CALIBRATION_MEMORY;
-    return outcome;
+    if (outcome != CALIBRATION_DONE || !solver.gyro.has_force()) return outcome;
+    if (!calibrate_lever(solver.frames, solver.gyro, input->gravity > 0 ? input->gravity : 9.80665, result))
+        return CALIBRATION_MEMORY;
+    return judge_rotation(result);
 }

@@ -45,6 +45,7 @@ struct calibration {
     double correlation;       /* of the two turnings at the best offset and rotation, 0..1 */
     double rotation[9];       /* row-major: v_camera = R v_imu */
     double rotation_sigma[3]; /* radians, about the camera's axes */
+    double rotation_covariance[9]; /* row-major, radians^2, about the axes of the camera */
     double
         weak_axis[3]; /* camera axes: the direction about which the rotation is known least, and how well */
     double weak_sigma;

@@ -2,7 +2,8 @@
  * from 0 at i to 1 at m and falls to 0 at j, integrating by parts gives for any moving point x
  *     (x_j - x_m) / h2 - (x_m - x_i) / h1 = integral L(t) x''(t) dt.
  * The IMU sits at x = p + R lever and measures f = C^T R^T (x'' - gravity) + bias, so lever, bias and gravity enter
- * linearly. R between frames is the gyroscope's, from the middle frame on. */
+ * linearly, and so does a small turn of C: gravity, seen from many sides, tells C's rotation better than a noisy gyroscope
+ * can. R between frames is the gyroscope's, from the middle frame on. */
 #include "calibration_frames.hpp"
 #include "robust_fit.hpp"
 
@@ -17,11 +18,11 @@ namespace {
 
 constexpr double half_window_s =
     0.3; /* alignment's noise weighs 1/h, the lever h; drift and bias set the end */
-constexpr double reach_s = 4 * half_window_s;
+constexpr double reach_s = 6 * half_window_s;
 /* What is known of any rig before the data speak. */
 constexpr double lever_prior = 0.3 /* m */, bias_prior = 0.5, gravity_prior = 0.05 /* m/s^2 */;
 
-enum { LEVER = 0, BIAS = 3, GRAVITY = 6, PARAMETERS = 9 };
+enum { LEVER = 0, BIAS = 3, GRAVITY = 6, ROTATION = 9, PARAMETERS = 12 };
 using LeverFit = Fit<PARAMETERS>;
 using LeverRow = FitRow<PARAMETERS>;
 
@@ -51,6 +52,12 @@ void add(const GyroPath &gyro, double t0, double t1, double l0, double l1, Sums 
 
 } // namespace
 
+static Matrix3d cross_matrix(const Vector3d &v) {
+    Matrix3d m;
+    m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+    return m;
+}
+
 /* The row of three frames; false when samples are missing. Linear in the parameters: the value is that at zero. */
 static bool make_row(const CalibrationFrames &frames, const GyroPath &gyro, const Quaterniond &mounting,
                      double offset, int i, LeverRow *row) {
@@ -72,6 +79,7 @@ static bool make_row(const CalibrationFrames &frames, const GyroPath &gyro, cons
     row->jacobian.block<3, 3>(0, LEVER) = (rc - rb) / h2 - (rb - ra) / h1;
     row->jacobian.block<3, 3>(0, BIAS) = to_world * sums.turn;
     row->jacobian.block<3, 3>(0, GRAVITY) = -(h1 + h2) / 2 * Matrix3d::Identity();
+    row->jacobian.block<3, 3>(0, ROTATION) = rb * cross_matrix(rb.transpose() * (to_world * sums.force));
     return true;
 }
 
@@ -81,12 +89,17 @@ bool calibrate_lever(const CalibrationFrames &frames, const GyroPath &gyro, doub
     std::unique_ptr<LeverRow[]> rows(new (std::nothrow) LeverRow[(size_t)frames.count + 1]);
     std::unique_ptr<double[]> scratch(new (std::nothrow) double[(size_t)frames.count + 1]);
     if (!base || !rows || !scratch) return false;
-    Matrix3d rotation;
-    for (int k = 0; k < 9; k++) rotation(k / 3, k % 3) = result->rotation[k];
+    Matrix3d rotation, turn_information;
+    for (int k = 0; k < 9; k++) {
+        rotation(k / 3, k % 3) = result->rotation[k];
+        turn_information(k / 3, k % 3) = result->rotation_covariance[k];
+    }
+    turn_information = turn_information.inverse().eval();
+    const Quaterniond mounting(rotation);
     int count = 0;
     double seconds = 0; /* of tracking */
     for (int i = 0; i < frames.count; i++) {
-        if (!make_row(frames, gyro, Quaterniond(rotation), result->offset, i, &base[count])) continue;
+        if (!make_row(frames, gyro, mounting, result->offset, i, &base[count])) continue;
         count++;
         seconds += frames.frame[i + 1].t - frames.frame[i].t;
     }
@@ -108,6 +121,8 @@ bool calibrate_lever(const CalibrationFrames &frames, const GyroPath &gyro, doub
         }
         fit.prior.block<3, 3>(GRAVITY, GRAVITY) = down * down.transpose() / (gravity_prior * gravity_prior);
         expected.segment<3>(GRAVITY) = gravity * down - g;
+        fit.prior.block<3, 3>(ROTATION, ROTATION) = turn_information;
+        expected.segment<3>(ROTATION) = -x.segment<3>(ROTATION);
         fit.prior_pull = fit.prior * expected;
         for (int k = 0; k < count; k++) {
             rows[k] = base[k];
@@ -128,6 +143,11 @@ bool calibrate_lever(const CalibrationFrames &frames, const GyroPath &gyro, doub
         result->accel_bias_sigma[k] = std::sqrt(covariance(BIAS + k, BIAS + k));
         result->gravity[k] = x[GRAVITY + k];
         worst = std::max(worst, result->lever_sigma[k]);
+    }
+    const Matrix3d better = (rotation_exp(x.segment<3>(ROTATION)) * mounting).toRotationMatrix();
+    for (int k = 0; k < 9; k++) {
+        result->rotation[k] = better(k / 3, k % 3);
+        result->rotation_covariance[k] = covariance(ROTATION + k / 3, ROTATION + k % 3);
     }
     result->accelerometer = true;
     result->lever_observable = worst <= CALIBRATION_LEVER_SIGMA_M;
