@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define ROUGH_SIGMA 0.15 /* radians: a mounting known this well still helps tracking */
 #define DEGREES 57.29577951308232
 
 struct calibrate {
@@ -330,9 +331,13 @@ static int calibrate(struct calibrate *c) {
     if (!status) status = track(c, NULL, "without the IMU: frames");
     if (status) return status;
     enum calibration_outcome outcome = solve(c);
-    if (outcome == CALIBRATION_DONE && tracked(c) < c->path.count) {
-        /* With the rig as found so far, frames may be tracked that were lost without the IMU. */
-        if (c->verbose) cli_note("%d of %d frames tracked without the IMU", tracked(c), c->path.count);
+    const bool usable =
+        outcome == CALIBRATION_DONE || (c->found.weak_sigma > 0 && c->found.weak_sigma < ROUGH_SIGMA);
+    if (usable && (tracked(c) < c->path.count || c->found.left_out)) {
+        /* With the rig as found so far, frames may be tracked that were lost or mistaken without the IMU. */
+        if (c->verbose)
+            cli_note("%d of %d frames tracked without the IMU, %d stretches left out", tracked(c),
+                     c->path.count, c->found.left_out);
         const fathom_recording rig = with_rig(c);
         status = track(c, &rig, "with the IMU: frames");
         if (status) return status;

@@ -3,6 +3,7 @@
  * closed form for each offset of a grid; from there by Gauss and Newton, with the gyroscope integrated exactly. */
 #include "calibration.h"
 #include "calibration_frames.hpp"
+#include "counter_random.h"
 #include "robust_fit.hpp"
 
 #include <cmath>
@@ -14,16 +15,20 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double window_s = 0.4;         /* long against alignment's noise, short against drift and bias */
-constexpr double reach_s = 4 * window_s; /* beyond it, the errors of windows are taken as independent */
+/* Windows long against alignment's noise, and short against the motion, the drift and the bias: which that is depends on
+ * the recording, so all are tried, and the one with the least uncertainty is taken. */
+constexpr double window_lengths[] = {0.1, 0.2, 0.4};
+constexpr double reach_windows = 4; /* beyond it, the errors of windows are taken as independent */
 constexpr double grid_s = 0.005;
 constexpr double least_correlation = 0.7;
 constexpr double mirror_gain = 0.1;   /* of correlation, before a mirror is believed in */
 constexpr double weak_turning = 0.05; /* rad/s: below, noise alone may spoil the correlation */
 constexpr double scale_low = 0.8, scale_high = 1.25;
 /* What is known of any MEMS gyroscope before the data speak. */
-constexpr double bias_prior = 0.1 /* rad/s */, scale_prior = 0.05;
+constexpr double bias_prior = 0.02 /* rad/s */, scale_prior = 0.05;
 constexpr int most_steps = 30;
+constexpr int consensus_draws = 40;      /* at each offset */
+constexpr double least_agreement = 0.25; /* of the turning's energy; by chance it is some hundredths */
 
 enum { ROTATION = 0, OFFSET = 3, BIAS = 4, SCALE = 7, PARAMETERS = 8 };
 using TurnFit = Fit<PARAMETERS>;
@@ -34,7 +39,8 @@ struct Window {
     int i, j;
     double seconds;
     Quaterniond camera, gyro;
-    bool usable; /* there are samples for it */
+    bool trusted; /* not left out as wrongly tracked */
+    bool usable;  /* trusted, and there are samples for it */
 };
 
 /* How alike the windows' mean rates are; their means over all windows are taken off, and the bias with them. */
@@ -58,17 +64,23 @@ class Solver {
     GyroPath gyro;
 
     bool prepare(const calibration_input &input);
-    calibration_outcome search(const calibration_input &input, Guess *guess, calibration *result);
-    calibration_outcome refine(Guess *guess, calibration *result);
+    calibration_outcome solve(const calibration_input &input, double window_length, calibration *result);
 
   private:
     std::unique_ptr<Window[]> windows;
     std::unique_ptr<TurnRow[]> rows;
     std::unique_ptr<double[]> scratch;
+    double window_s = 0;
     int count = 0;
 
+    void cut(double window_length);
+    calibration_outcome search(const calibration_input &input, Guess *guess, calibration *result);
+    bool consensus(const calibration_input &input, calibration *result);
+    calibration_outcome refine(Guess *guess, calibration *result);
     int place(double offset);
     Likeness compare() const;
+    double agreement(const Quaterniond &rotation, double *energy) const;
+    Quaterniond from_pair(const Window &p, const Window &q) const;
     Vector3d residual(const Window &window, const Guess &guess) const;
     int linearise(const Guess &guess);
 };
@@ -77,19 +89,23 @@ class Solver {
 
 bool Solver::prepare(const calibration_input &input) {
     if (!frames.read(input.path) || !gyro.read(input.imu, input.imu_count, frames.origin_ns)) return false;
-    gyro.integrate(Vector3d::Zero(), 1);
     windows.reset(new (std::nothrow) Window[(size_t)frames.count + 1]);
     rows.reset(new (std::nothrow) TurnRow[(size_t)frames.count + 1]);
     scratch.reset(new (std::nothrow) double[(size_t)frames.count + 1]);
-    if (!windows || !rows || !scratch) return false;
+    return windows && rows && scratch;
+}
+
+void Solver::cut(double window_length) {
+    gyro.integrate(Vector3d::Zero(), 1);
+    window_s = window_length;
+    count = 0;
     for (int i = 0; i < frames.count; i++) {
         const int j = frames.after(i, window_s);
         if (j < 0) continue;
         const CalibrationFrame &a = frames.frame[i], &b = frames.frame[j];
-        windows[count++] = {i,    j, b.t - a.t, a.rotation.conjugate() * b.rotation, Quaterniond::Identity(),
-                            false};
+        windows[count++] = {
+            i, j, b.t - a.t, a.rotation.conjugate() * b.rotation, Quaterniond::Identity(), true, false};
     }
-    return true;
 }
 
 /* Looks up the gyroscope's turns at an offset; the number of windows that have one. */
@@ -97,7 +113,8 @@ int Solver::place(double offset) {
     int usable = 0;
     for (int k = 0; k < count; k++) {
         Window &w = windows[k];
-        w.usable = gyro.between(frames.frame[w.i].t - offset, frames.frame[w.j].t - offset, &w.gyro);
+        w.usable =
+            w.trusted && gyro.between(frames.frame[w.i].t - offset, frames.frame[w.j].t - offset, &w.gyro);
         usable += w.usable;
     }
     return usable;
@@ -180,6 +197,88 @@ calibration_outcome Solver::search(const calibration_input &input, Guess *guess,
         return turning < weak_turning ? CALIBRATION_LITTLE_TURNING : CALIBRATION_DISAGREES;
     if (result->gyro_scale < scale_low || result->gyro_scale > scale_high) return CALIBRATION_SCALE;
     return half > 0 && std::abs(best) == half ? CALIBRATION_RANGE : CALIBRATION_DONE;
+}
+
+/* ---- when part of the way is wrong --------------------------------------------------------------------- */
+
+/* How far the rates of camera and gyroscope may lie apart: the bias, and a share for scale and noise. */
+static double tolerance(const Vector3d &rate) {
+    return 0.08 + 0.1 * rate.norm();
+}
+
+/* The sum of the gyroscope's squared rates that a rotation explains; *energy is the sum of all. */
+double Solver::agreement(const Quaterniond &rotation, double *energy) const {
+    double sum = 0;
+    *energy = 0;
+    for (int k = 0; k < count; k++) {
+        const Window &w = windows[k];
+        if (!w.usable) continue;
+        const Vector3d b = rotation_log(w.gyro) / w.seconds;
+        const double off = (rotation_log(w.camera) / w.seconds - rotation * b).norm() / tolerance(b);
+        *energy += b.squaredNorm();
+        if (off < 1) sum += (1 - off * off) * b.squaredNorm();
+    }
+    return sum;
+}
+
+/* The rotation that takes two gyroscope rates to the camera's (Black 1964, "A passive system for determining the
+ * attitude of a satellite": TRIAD). */
+Quaterniond Solver::from_pair(const Window &p, const Window &q) const {
+    const auto triad = [](const Vector3d &u, const Vector3d &v) {
+        Matrix3d m;
+        m.col(0) = u.normalized();
+        m.col(1) = u.cross(v).normalized();
+        m.col(2) = m.col(0).cross(m.col(1));
+        return m;
+    };
+    const Matrix3d rotation = triad(rotation_log(p.camera), rotation_log(q.camera)) *
+                              triad(rotation_log(p.gyro), rotation_log(q.gyro)).transpose();
+    return Quaterniond(rotation).normalized();
+}
+
+/* Where tracking went astray for a good part of the way, means and correlations mean nothing. Then the offset and the
+ * rotation that most windows agree on (Fischler and Bolles 1981, "Random sample consensus", from two windows each time)
+ * tell which windows to leave out. False when there are no such. */
+bool Solver::consensus(const calibration_input &input, calibration *result) {
+    const int half = (int)std::ceil(input.offset_range / grid_s);
+    const uint64_t key = random_key(1, 0xca11b);
+    Guess best;
+    double most = 0;
+    uint64_t draw = 0;
+    for (int k = -half; k <= half; k++) {
+        const double offset = input.offset_start + k * grid_s;
+        if (place(offset) < CALIBRATION_LEAST_WINDOWS) continue;
+        for (int n = 0; n < consensus_draws; n++) {
+            const Window &p = windows[(int)(count * random_uniform(key, draw++))];
+            const Window &q = windows[(int)(count * random_uniform(key, draw++))];
+            if (!p.usable || !q.usable) continue;
+            const Vector3d bp = rotation_log(p.gyro) / p.seconds, bq = rotation_log(q.gyro) / q.seconds;
+            const Vector3d ap = rotation_log(p.camera) / p.seconds, aq = rotation_log(q.camera) / q.seconds;
+            if (bp.cross(bq).norm() < 0.3 * bp.norm() * bq.norm() || ap.cross(aq).norm() < 1e-6 ||
+                std::fabs(ap.norm() - bp.norm()) > tolerance(bp) ||
+                std::fabs(aq.norm() - bq.norm()) > tolerance(bq))
+                continue;
+            const Quaterniond rotation = from_pair(p, q);
+            double energy;
+            const double sum = agreement(rotation, &energy);
+            if (sum < least_agreement * energy || sum <= most) continue;
+            most = sum;
+            best.rotation = rotation;
+            best.offset = offset;
+        }
+    }
+    if (most <= 0) return false;
+    const int all = place(best.offset);
+    int kept = 0;
+    for (int k = 0; k < count; k++) {
+        Window &w = windows[k];
+        const Vector3d b = rotation_log(w.gyro) / w.seconds;
+        w.trusted =
+            w.usable && (rotation_log(w.camera) / w.seconds - best.rotation * b).norm() < tolerance(b);
+        kept += w.trusted;
+    }
+    result->left_out = all - kept;
+    return kept >= CALIBRATION_LEAST_WINDOWS && kept < all;
 }
 
 /* ---- the refinement ------------------------------------------------------------------------------------ */
@@ -269,7 +368,8 @@ calibration_outcome Solver::refine(Guess *guess, calibration *result) {
     double seconds = 0; /* of tracking; windows that share no frame are independent */
     for (int k = 0; k < count; k++)
         if (windows[k].usable) seconds += windows[k].seconds / (windows[k].j - windows[k].i);
-    const TurnFit::Matrix covariance = fit.covariance(rows.get(), used, reach_s, 3 * seconds / window_s);
+    const TurnFit::Matrix covariance =
+        fit.covariance(rows.get(), used, reach_windows * window_s, 3 * seconds / window_s);
     const auto sigma = [&](int p) { return std::sqrt(covariance(p, p)); };
     const Matrix3d rotation = guess->rotation.toRotationMatrix();
     for (int i = 0; i < 3; i++) {
@@ -289,15 +389,48 @@ calibration_outcome Solver::refine(Guess *guess, calibration *result) {
     return judge_rotation(result);
 }
 
-calibration_outcome calibration_solve(const calibration_input *input, calibration *result) {
-    *result = calibration();
-    Solver solver;
+calibration_outcome Solver::solve(const calibration_input &input, double window_length, calibration *result) {
     Guess guess;
-    if (!solver.prepare(*input)) return CALIBRATION_MEMORY;
-    calibration_outcome outcome = solver.search(*input, &guess, result);
-    if (outcome == CALIBRATION_DONE) outcome = solver.refine(&guess, result);
-    if (outcome != CALIBRATION_DONE || !solver.gyro.has_force()) return outcome;
-    if (!calibrate_lever(solver.frames, solver.gyro, input->gravity > 0 ? input->gravity : 9.80665, result))
+    *result = calibration();
+    cut(window_length);
+    calibration_outcome outcome = search(input, &guess, result);
+    if (outcome != CALIBRATION_DONE && outcome != CALIBRATION_FEW_FRAMES) {
+        const calibration whole = *result;
+        if (consensus(input, result) && search(input, &guess, result) == CALIBRATION_DONE)
+            outcome = CALIBRATION_DONE;
+        else
+            *result = whole;
+    }
+    if (outcome == CALIBRATION_DONE) outcome = refine(&guess, result);
+    if (outcome != CALIBRATION_DONE || !gyro.has_force()) return outcome;
+    if (!calibrate_lever(frames, gyro, input.gravity > 0 ? input.gravity : 9.80665, result))
         return CALIBRATION_MEMORY;
     return judge_rotation(result);
+}
+
+calibration_outcome calibration_solve(const calibration_input *input, calibration *result) {
+    Solver solver;
+    calibration_outcome outcome = CALIBRATION_MEMORY;
+    *result = calibration();
+    if (!solver.prepare(*input)) return outcome;
+    /* What has no sigma yet ranks behind what has one. */
+    const auto doubt = [](const calibration &c) {
+        return c.weak_sigma > 0 ? c.weak_sigma * c.offset_sigma : 1e9;
+    };
+    for (const double length : window_lengths) {
+        calibration tried;
+        const calibration_outcome came = solver.solve(*input, length, &tried);
+        if (getenv("DBG"))
+            fprintf(stderr,
+                    "W %.2f: %d rho %.3f out %d of %d off %.4f +- %.4f weak %.2f rot %.2f %.2f %.2f scale "
+                    "%.3f bias %.3f %.3f %.3f\n",
+                    length, came, tried.correlation, tried.left_out, tried.windows, tried.offset,
+                    tried.offset_sigma, tried.weak_sigma * 57.3, tried.rotation[0], tried.rotation[1],
+                    tried.rotation[2], tried.gyro_scale, tried.gyro_bias[0], tried.gyro_bias[1],
+                    tried.gyro_bias[2]);
+        if (outcome != CALIBRATION_MEMORY && doubt(tried) >= doubt(*result)) continue;
+        outcome = came;
+        *result = tried;
+    }
+    return outcome;
 }

@@ -34,17 +34,18 @@ enum calibration_outcome {
 #define CALIBRATION_LEAST_WINDOWS 20
 
 /* Beyond these (one sigma) a value counts as not observable. */
-#define CALIBRATION_ROTATION_SIGMA_DEG 1.0
+#define CALIBRATION_ROTATION_SIGMA_DEG 5.0
 #define CALIBRATION_OFFSET_SIGMA_S 0.005
 #define CALIBRATION_LEVER_SIGMA_M 0.02
 
 /* All sigmas are one standard deviation. What an outcome other than DONE couldn't reach is zero. */
 struct calibration {
-    int windows;              /* stretches of frames used */
-    double turning[3];        /* rms rate about the camera's axes, rad/s, its mean taken off */
-    double correlation;       /* of the two turnings at the best offset and rotation, 0..1 */
-    double rotation[9];       /* row-major: v_camera = R v_imu */
-    double rotation_sigma[3]; /* radians, about the camera's axes */
+    int windows;                   /* stretches of frames used */
+    int left_out;                  /* stretches left out because tracking went wrong there */
+    double turning[3];             /* rms rate about the camera's axes, rad/s, its mean taken off */
+    double correlation;            /* of the two turnings at the best offset and rotation, 0..1 */
+    double rotation[9];            /* row-major: v_camera = R v_imu */
+    double rotation_sigma[3];      /* radians, about the camera's axes */
     double rotation_covariance[9]; /* row-major, radians^2, about the axes of the camera */
     double
         weak_axis[3]; /* camera axes: the direction about which the rotation is known least, and how well */

@@ -76,7 +76,8 @@ bool rig_file_update(const char *from, const char *to, const struct rig_entry *e
     } else if (out && out != stdout) {
         errno = 0;
         const bool whole = !ferror(out) && !fflush(out) && !fsync(fileno(out));
-        if (good && (!whole | fclose(out) || rename(part, to))) good = fail(to);
+        const bool closed = !fclose(out);
+        if (good && (!whole || !closed || rename(part, to))) good = fail(to);
         if (!good) unlink(part);
     }
     free(part);
