@@ -160,7 +160,8 @@ static int track(struct calibrate *c, const fathom_recording *rig, const char *w
     struct playback playback = {0};
     fathom_config config = c->settings.config;
     config.imu = rig != NULL;
-    config.prior = FATHOM_PRIOR_SEED;
+    if (getenv("SEED")) config.prior = FATHOM_PRIOR_SEED;
+    config.imu_translation = false;
     if (!rig) rig = c->recording;
     int status = playback_start(&playback, rig, 1, &config, &c->log);
     c->path.count = 0;

@@ -25,7 +25,7 @@ constexpr double mirror_gain = 0.1;   /* of correlation, before a mirror is beli
 constexpr double weak_turning = 0.05; /* rad/s: below, noise alone may spoil the correlation */
 constexpr double scale_low = 0.8, scale_high = 1.25;
 /* What is known of any MEMS gyroscope before the data speak. */
-constexpr double bias_prior = 0.02 /* rad/s */, scale_prior = 0.05;
+constexpr double bias_prior = 0.01 /* rad/s */, scale_prior = 0.05;
 constexpr int most_steps = 30;
 constexpr int consensus_draws = 40;      /* at each offset */
 constexpr double least_agreement = 0.25; /* of the turning's energy; by chance it is some hundredths */

@@ -144,12 +144,14 @@ bool calibrate_lever(const CalibrationFrames &frames, const GyroPath &gyro, doub
         result->gravity[k] = x[GRAVITY + k];
         worst = std::max(worst, result->lever_sigma[k]);
     }
+    result->accelerometer = true;
+    result->lever_observable = worst <= CALIBRATION_LEVER_SIGMA_M;
+    /* Where not even the lever comes out, positions are poor, and gravity's word on the rotation is worth little. */
+    if (!result->lever_observable) return true;
     const Matrix3d better = (rotation_exp(x.segment<3>(ROTATION)) * mounting).toRotationMatrix();
     for (int k = 0; k < 9; k++) {
         result->rotation[k] = better(k / 3, k % 3);
         result->rotation_covariance[k] = covariance(ROTATION + k / 3, ROTATION + k % 3);
     }
-    result->accelerometer = true;
-    result->lever_observable = worst <= CALIBRATION_LEVER_SIGMA_M;
     return true;
 }

@@ -1,4 +1,4 @@
-/* Least squares over many 3-vectors of residuals: Huber's weights, weak priors that keep what the data leave open in
+/* Least squares over many 3-vectors of residuals: Cauchy's weights, weak priors that keep what the data leave open in
  * place, and an uncertainty that holds for overlapping stretches too, whose errors go together. */
 #ifndef FATHOM_CLI_ROBUST_FIT_HPP
 #define FATHOM_CLI_ROBUST_FIT_HPP
@@ -13,7 +13,7 @@ template <int N> struct FitRow {
     Eigen::Vector3d value;
     Eigen::Matrix<double, 3, N> jacobian;
     double t;      /* seconds, increasing */
-    double weight; /* Huber's */
+    double weight; /* Cauchy's */
 };
 
 template <int N> struct Fit {
@@ -36,7 +36,7 @@ template <int N> struct Fit {
         for (int i = 0; i < count; i++) {
             FitRow<N> &row = rows[i];
             const double length = row.value.norm();
-            row.weight = std::min(1.0, huber * sigma / std::max(length, 1e-12));
+            row.weight = 1 / (1 + length * length / (cauchy * cauchy * sigma * sigma));
             normal.noalias() += row.weight / (sigma * sigma) * row.jacobian.transpose() * row.jacobian;
             pull.noalias() -= row.weight / (sigma * sigma) * row.jacobian.transpose() * row.value;
         }
@@ -62,7 +62,7 @@ template <int N> struct Fit {
     }
 
   private:
-    static constexpr double huber = 2.5; /* in sigmas, of the vector's length */
+    static constexpr double cauchy = 2.0; /* in sigmas, of the vector's length */
 
     Vector pull_of(const FitRow<N> &row) const {
         return row.weight / (sigma * sigma) * row.jacobian.transpose() * row.value;
