@@ -95,32 +95,143 @@ static double length(const double v[3]) {
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-#include <stdio.h>
-static void try(void **state) {
+static enum calibration_outcome solve(const struct rig *rig) {
+    simulate(rig);
+    return calibration_solve(&input, &found);
+}
+
+/* Within what the issue asks of simulated rigs, and within what the result says of itself. */
+static void assert_found(const struct rig *rig, double most_deg, double most_s) {
+    double error[3];
+    rotation_error(rig->mounting.rotation_deg, error);
+    const double offset = found.offset - rig->mounting.clock_offset;
+    assert_true(length(error) * DEGREES < most_deg);
+    assert_true(fabs(offset) < most_s);
+    for (int k = 0; k < 3; k++) assert_true(fabs(error[k]) < 5 * found.rotation_sigma[k]);
+    assert_true(fabs(offset) < 5 * found.offset_sigma);
+    assert_true(found.offset_observable);
+}
+
+/* Large turns, half turns, offsets of either sign; moving from the first sample on, and standing still first. */
+static void test_rigs(void **state) {
     (void)state;
-    static const char *grades[]={"ideal","consumer","phone"};
-    for (int still=0;still<2;still++)
-    for (int g=0;g<3;g++) {
-    double zr = 0, zo = 0, zl = 0, er=0, eo=0, el=0, sr=0,so=0,sl=0,mr=0,mo=0;
-    int n = 0;
-    for (int s = 0; s < 24; s++) {
-        const struct rig rig = {.mounting = {{10 * s - 170, 33 * (s % 5), 7 * s - 100}, {0.03, -0.02, 0.05}, 0.005 * s - 0.1},
-            .grade = grades[g], .turn = 1, .noise_rad = 1e-3, .noise_m = 1e-3, .seed = 10+s,
-            .frames = 300, .still = still ? 0.5 : -2};
-        simulate(&rig);
-        int o = calibration_solve(&input, &found);
-        double e[3]; rotation_error(rig.mounting.rotation_deg, e);
-        if (o) printf("%d: %d \n", s, o);
-        n++;
-        for (int k = 0; k < 3; k++) { zr += pow(e[k]/found.rotation_sigma[k],2)/3; double d=found.lever[k]-rig.mounting.translation[k]; zl += pow(d/found.lever_sigma[k],2)/3; er+=e[k]*e[k]/3; el+=d*d/3; sr+=pow(found.rotation_sigma[k],2)/3; sl+=pow(found.lever_sigma[k],2)/3;}
-        double d = found.offset-rig.mounting.clock_offset; zo += d*d/pow(found.offset_sigma,2); eo += d*d; so+=pow(found.offset_sigma,2);
-        mr = fmax(mr, length(e)*DEGREES); mo=fmax(mo,1e3*fabs(d));
-    }
-    printf("%s %d z: rot %.2f off %.2f lever %.2f; rms rot %.4f deg (%.4f) max %.3f off %.3f ms (%.3f) max %.2f lever %.2f mm (%.2f)\n", grades[g], still, sqrt(zr/n), sqrt(zo/n), sqrt(zl/n), DEGREES*sqrt(er/n),DEGREES*sqrt(sr/n), mr, 1e3*sqrt(eo/n),1e3*sqrt(so/n), mo,1e3*sqrt(el/n),1e3*sqrt(sl/n));
+    static const double rotations[][3] = {{0, 0, 0},     {0.8, -1.2, 90}, {180, 0, 0}, {0, 0, -180},
+                                          {120, 40, 85}, {-60, 100, -20}, {0, -90, 0}, {127, 127, 0}};
+    static const double offsets[] = {0, 0.1, -0.1, 0.013, -0.0571, 0.05, -0.004, 0.09};
+    static const char *const grades[] = {"ideal", "consumer"};
+    for (int i = 0; i < 8; i++) {
+        struct rig rig = {.turn = 1,
+                          .noise_rad = 1e-3,
+                          .noise_m = 1e-3,
+                          .seed = 20 + (uint64_t)i,
+                          .still = i % 2 ? 0.5 : -2};
+        memcpy(rig.mounting.rotation_deg, rotations[i], sizeof rotations[i]);
+        rig.mounting.clock_offset = offsets[i];
+        rig.mounting.translation[0] = 0.03;
+        rig.grade = grades[i % 2];
+        assert_int_equal(solve(&rig), CALIBRATION_DONE);
+        assert_found(&rig, 0.3, 0.002);
+        assert_float_equal(found.gyro_scale, 1, 0.005);
     }
 }
 
+static void test_lever_arm(void **state) {
+    (void)state;
+    const struct rig rig = {.mounting = {{10, 80, -30}, {0.05, -0.08, 0.12}, 0.02},
+                            .turn = 2,
+                            .speed = 1,
+                            .noise_rad = 3e-4,
+                            .noise_m = 3e-4,
+                            .frames = 600,
+                            .seed = 3};
+    assert_int_equal(solve(&rig), CALIBRATION_DONE);
+    assert_true(found.lever_observable);
+    for (int k = 0; k < 3; k++) assert_float_equal(found.lever[k], rig.mounting.translation[k], 0.01);
+    assert_float_equal(length(found.gravity), STANDARD_GRAVITY, 0.05);
+}
+
+static void test_gyro_scale_and_bias(void **state) {
+    (void)state;
+    const struct rig rig = {.mounting = {{0, 30, 60}, {0}, 0.03},
+                            .turn = 2,
+                            .noise_rad = 5e-4,
+                            .noise_m = 1e-3,
+                            .seed = 5,
+                            .grade = "ideal"};
+    simulate(&rig);
+    for (int i = 0; i < input.imu_count; i++) {
+        for (int k = 0; k < 3; k++) samples[i].gyro[k] *= 1.02f;
+        samples[i].gyro[1] += 0.02f;
+    }
+    assert_int_equal(calibration_solve(&input, &found), CALIBRATION_DONE);
+    assert_found(&rig, 0.3, 0.002);
+    assert_float_equal(found.gyro_scale, 1 / 1.02, 0.003);
+    assert_float_equal(found.gyro_bias[1], 0.02, 0.002);
+}
+
+/* A third of the way wrongly tracked, and frames without tracking in between. */
+static void test_wrong_frames_are_left_out(void **state) {
+    (void)state;
+    const struct rig rig = {
+        .mounting = {{20, -50, 100}, {0}, 0.06}, .turn = 1, .noise_rad = 1e-3, .noise_m = 1e-3, .seed = 9};
+    simulate(&rig);
+    points[40].state = FATHOM_RECKONED;
+    for (int i = 200; i < 300; i++) {
+        double vector[3], turned[9], wrong[9] = {0};
+        for (int k = 0; k < 3; k++) vector[k] = 0.4 * sin(0.3 * i + 2 * k);
+        rotation_of_vector(vector, turned);
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                for (int k = 0; k < 3; k++) wrong[3 * r + c] += points[i].pose[4 * r + k] * turned[3 * k + c];
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++) points[i].pose[4 * r + c] = (float)wrong[3 * r + c];
+    }
+    assert_int_equal(calibration_solve(&input, &found), CALIBRATION_DONE);
+    assert_true(found.left_out > 50);
+    double error[3];
+    rotation_error(rig.mounting.rotation_deg, error);
+    assert_true(length(error) * DEGREES < 1);
+    assert_float_equal(found.offset, 0.06, 0.004);
+}
+
+static void test_no_turning(void **state) {
+    (void)state;
+    const struct rig rig = {.turn = 0, .noise_rad = 1e-3, .noise_m = 1e-3, .still = 1000, .seed = 2};
+    assert_int_equal(solve(&rig), CALIBRATION_LITTLE_TURNING);
+}
+
+static void test_unfit_samples(void **state) {
+    (void)state;
+    const struct rig rig = {.turn = 2, .noise_rad = 5e-4, .noise_m = 1e-3, .seed = 4};
+    simulate(&rig);
+    for (int i = 0; i < input.imu_count; i++)
+        for (int k = 0; k < 3; k++) samples[i].gyro[k] *= (float)DEGREES;
+    assert_int_equal(calibration_solve(&input, &found), CALIBRATION_SCALE);
+    assert_float_equal(found.gyro_scale * DEGREES, 1, 0.05);
+
+    simulate(&rig);
+    for (int i = 0; i < input.imu_count; i++) samples[i].gyro[0] = -samples[i].gyro[0];
+    assert_int_equal(calibration_solve(&input, &found), CALIBRATION_MIRRORED);
+
+    simulate(&rig);
+    input.imu_count = 40; /* 0.2 s */
+    assert_int_equal(calibration_solve(&input, &found), CALIBRATION_FEW_FRAMES);
+
+    simulate(&rig);
+    for (int i = 0; i < input.imu_count; i++) samples[i].accel[2] = NAN;
+    assert_int_equal(calibration_solve(&input, &found), CALIBRATION_DONE);
+    assert_false(found.accelerometer);
+    assert_false(found.lever_observable);
+}
+
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(try)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_rigs),
+        cmocka_unit_test(test_lever_arm),
+        cmocka_unit_test(test_gyro_scale_and_bias),
+        cmocka_unit_test(test_wrong_frames_are_left_out),
+        cmocka_unit_test(test_no_turning),
+        cmocka_unit_test(test_unfit_samples),
+    };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

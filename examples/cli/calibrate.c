@@ -154,13 +154,12 @@ static int take_frame(struct calibrate *c, struct playback *playback, const fath
     return CLI_DONE;
 }
 
-/* Tracks the whole recording. With a rig, the IMU says where alignment starts, but has no say in its outcome: else the
- * rig would be found again as it was given. */
+/* Tracks the whole recording. With a rig, the gyroscope helps; not the accelerometer, whose gravity a mounting that
+ * is only roughly known turns into acceleration. */
 static int track(struct calibrate *c, const fathom_recording *rig, const char *what) {
     struct playback playback = {0};
     fathom_config config = c->settings.config;
     config.imu = rig != NULL;
-    if (getenv("SEED")) config.prior = FATHOM_PRIOR_SEED;
     config.imu_translation = false;
     if (!rig) rig = c->recording;
     int status = playback_start(&playback, rig, 1, &config, &c->log);

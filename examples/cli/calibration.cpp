@@ -26,6 +26,9 @@ constexpr double weak_turning = 0.05; /* rad/s: below, noise alone may spoil the
 constexpr double scale_low = 0.8, scale_high = 1.25;
 /* What is known of any MEMS gyroscope before the data speak. */
 constexpr double bias_prior = 0.01 /* rad/s */, scale_prior = 0.05;
+/* Boards are laid out square: where the data are compatible with a mounting in quarter turns, it is taken as one within
+ * this, one sigma. It only counts where the data leave more doubt. */
+constexpr double square_prior = 2 * (M_PI / 180);
 constexpr int most_steps = 30;
 constexpr int consensus_draws = 40;      /* at each offset */
 constexpr double least_agreement = 0.25; /* of the turning's energy; by chance it is some hundredths */
@@ -326,6 +329,37 @@ int Solver::linearise(const Guess &guess) {
     });
 }
 
+/* The nearest rotation whose axes are the camera's, in some order and sign. */
+static Matrix3d nearest_square(const Matrix3d &rotation) {
+    Matrix3d best = Matrix3d::Identity();
+    for (int order = 0; order < 27; order++) {
+        Matrix3d square = Matrix3d::Zero();
+        const int row[3] = {order % 3, order / 3 % 3, order / 9};
+        for (int c = 0; c < 3; c++) square(row[c], c) = rotation(row[c], c) < 0 ? -1 : 1;
+        if (std::fabs(square.determinant() - 1) > 0.5) continue;
+        if ((square.transpose() * rotation).trace() > (best.transpose() * rotation).trace()) best = square;
+    }
+    return best;
+}
+
+static void lean_to_square(calibration *result) {
+    Matrix3d rotation, covariance;
+    for (int i = 0; i < 9; i++) {
+        rotation(i / 3, i % 3) = result->rotation[i];
+        covariance(i / 3, i % 3) = result->rotation_covariance[i];
+    }
+    const Vector3d off = rotation_log(Quaterniond(Matrix3d(nearest_square(rotation) * rotation.transpose())));
+    const Matrix3d both = (covariance + square_prior * square_prior * Matrix3d::Identity()).inverse();
+    if (off.dot(both * off) > 9) return; /* three sigma: it isn't square */
+    const Matrix3d gain = covariance * both;
+    const Matrix3d better = rotation_exp(gain * off).toRotationMatrix() * rotation;
+    const Matrix3d left = covariance - gain * covariance;
+    for (int i = 0; i < 9; i++) {
+        result->rotation[i] = better(i / 3, i % 3);
+        result->rotation_covariance[i] = left(i / 3, i % 3);
+    }
+}
+
 /* Takes the rotation's sigmas from its covariance. */
 static calibration_outcome judge_rotation(calibration *result) {
     Matrix3d covariance;
@@ -402,7 +436,9 @@ calibration_outcome Solver::solve(const calibration_input &input, double window_
             *result = whole;
     }
     if (outcome == CALIBRATION_DONE) outcome = refine(&guess, result);
-    if (outcome != CALIBRATION_DONE || !gyro.has_force()) return outcome;
+    if (outcome != CALIBRATION_DONE) return outcome;
+    lean_to_square(result);
+    if (!gyro.has_force()) return judge_rotation(result);
     if (!calibrate_lever(frames, gyro, input.gravity > 0 ? input.gravity : 9.80665, result))
         return CALIBRATION_MEMORY;
     return judge_rotation(result);
@@ -420,14 +456,6 @@ calibration_outcome calibration_solve(const calibration_input *input, calibratio
     for (const double length : window_lengths) {
         calibration tried;
         const calibration_outcome came = solver.solve(*input, length, &tried);
-        if (getenv("DBG"))
-            fprintf(stderr,
-                    "W %.2f: %d rho %.3f out %d of %d off %.4f +- %.4f weak %.2f rot %.2f %.2f %.2f scale "
-                    "%.3f bias %.3f %.3f %.3f\n",
-                    length, came, tried.correlation, tried.left_out, tried.windows, tried.offset,
-                    tried.offset_sigma, tried.weak_sigma * 57.3, tried.rotation[0], tried.rotation[1],
-                    tried.rotation[2], tried.gyro_scale, tried.gyro_bias[0], tried.gyro_bias[1],
-                    tried.gyro_bias[2]);
         if (outcome != CALIBRATION_MEMORY && doubt(tried) >= doubt(*result)) continue;
         outcome = came;
         *result = tried;
