@@ -435,6 +435,16 @@ calibration_outcome Solver::solve(const calibration_input &input, double window_
         else
             *result = whole;
     }
+    if (outcome == CALIBRATION_DISAGREES) {
+        /* Degrees for radians make turns beyond half a circle, which compare with nothing. */
+        calibration degrees = calibration();
+        gyro.integrate(Vector3d::Zero(), M_PI / 180);
+        if (search(input, &guess, &degrees) == CALIBRATION_DONE) {
+            outcome = CALIBRATION_SCALE;
+            *result = degrees;
+            result->gyro_scale *= M_PI / 180;
+        }
+    }
     if (outcome == CALIBRATION_DONE) outcome = refine(&guess, result);
     if (outcome != CALIBRATION_DONE) return outcome;
     lean_to_square(result);
