@@ -21,7 +21,8 @@ constexpr double window_lengths[] = {0.1, 0.2, 0.4};
 constexpr double reach_windows = 4; /* beyond it, the errors of windows are taken as independent */
 constexpr double grid_s = 0.005;
 constexpr double least_correlation = 0.7;
-constexpr double mirror_gain = 0.1;   /* of correlation, before a mirror is believed in */
+constexpr double mirror_gain =
+    0.3; /* a mirror is believed in when it leaves less than this of the disagreement */
 constexpr double weak_turning = 0.05; /* rad/s: below, noise alone may spoil the correlation */
 constexpr double scale_low = 0.8, scale_high = 1.25;
 /* What is known of any MEMS gyroscope before the data speak. */
@@ -195,7 +196,9 @@ calibration_outcome Solver::search(const calibration_input &input, Guess *guess,
     result->correlation = correlation;
     result->gyro_scale = std::sqrt(like.camera_square.sum() / std::max(like.gyro_square, 1e-30));
     const double turning = std::sqrt(like.camera_square.sum());
-    if (mirrored > correlation + mirror_gain && mirrored > least_correlation) return CALIBRATION_MIRRORED;
+    if (mirrored > std::max(least_correlation, correlation + 0.005) &&
+        1 - mirrored < mirror_gain * (1 - correlation))
+        return CALIBRATION_MIRRORED;
     if (correlation < least_correlation)
         return turning < weak_turning ? CALIBRATION_LITTLE_TURNING : CALIBRATION_DISAGREES;
     if (result->gyro_scale < scale_low || result->gyro_scale > scale_high) return CALIBRATION_SCALE;
@@ -428,7 +431,7 @@ calibration_outcome Solver::solve(const calibration_input &input, double window_
     *result = calibration();
     cut(window_length);
     calibration_outcome outcome = search(input, &guess, result);
-    if (outcome != CALIBRATION_DONE && outcome != CALIBRATION_FEW_FRAMES) {
+    if (outcome != CALIBRATION_DONE && outcome != CALIBRATION_FEW_FRAMES && outcome != CALIBRATION_MIRRORED) {
         const calibration whole = *result;
         if (consensus(input, result) && search(input, &guess, result) == CALIBRATION_DONE)
             outcome = CALIBRATION_DONE;
