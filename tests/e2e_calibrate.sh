@@ -41,7 +41,7 @@ one_error() { [ "$(grep -c -v -e '^fathom: note: ' -e '^fathom: warning: ' err)"
 rig() {
     name=$1 rotation=$2 offset=$3
     shift 3
-    "$fathom" simulate room "$name" --size 160x120 --frames 150 --threads 1 --imu-rotation="$rotation" \
+    "$fathom" simulate room "$name" --size 160x120 --frames 240 --threads 1 --imu-rotation="$rotation" \
         --imu-clock-offset="$offset" "$@" >made 2>err &&
         calibrate "$name" --output "$name.rig" && [ $status -eq 0 ]
 }
