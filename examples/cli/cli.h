@@ -15,6 +15,7 @@ enum {
 /* The commands: argv[0] is the command's own name. They return an exit status. */
 int command_replay(int argc, char **argv);
 int command_simulate(int argc, char **argv);
+int command_calibrate(int argc, char **argv);
 int command_info(int argc, char **argv);
 int command_selftest(int argc, char **argv);
 

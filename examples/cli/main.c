@@ -14,6 +14,7 @@ static const struct command {
 } commands[] = {
     {"replay", command_replay, "track and reconstruct a recording"},
     {"simulate", command_simulate, "render a scene into a recording, with its ground truth"},
+    {"calibrate", command_calibrate, "how the IMU sits on the camera, from a recording"},
     {"info", command_info, "versions, OpenCL devices, bytes needed"},
     {"selftest", command_selftest, "check every kernel on this machine's device"},
 };

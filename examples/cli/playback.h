@@ -1,0 +1,31 @@
+/* A recording folder on its way into the library, as it would have come from the rig. */
+#ifndef FATHOM_CLI_PLAYBACK_H
+#define FATHOM_CLI_PLAYBACK_H
+
+#include "fathom_drivers.h"
+#include "log.h"
+#include "settings.h"
+
+/* The library with the block it lives in. */
+struct playback {
+    fathom_memory_plan plan;
+    void *memory;
+    fathom *scan;
+    int next_imu; /* the first sample that hasn't been pushed */
+};
+
+/* Opens a folder and says on stderr what had to be assumed. Returns a CLI_ status, after saying what went wrong. */
+int playback_open(fathom_recording **recording, const char *folder, const char *imu_file,
+                  const struct settings *settings, struct cli_log *log);
+
+/* Starts the library for every stride-th frame of the recording; completes *config. As above. */
+int playback_start(struct playback *playback, const fathom_recording *recording, int stride,
+                   fathom_config *config, struct cli_log *log);
+
+/* Pushes the samples up to frame 'index', and one beyond its stamp, so that it can be interpolated at. */
+void playback_push_imu(struct playback *playback, const fathom_recording *recording, int index);
+
+/* Nothing need have been started. */
+void playback_stop(struct playback *playback);
+
+#endif

@@ -1,0 +1,90 @@
+#!/bin/sh
+# fathom calibrate: the rig comes out of simulated recordings and of a real one, rig.txt keeps its other lines, and
+# recordings that can't tell are refused with the reason.
+# Usage: sh tests/e2e_calibrate.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
+set -u
+. "$(dirname "$0")/tap.sh"
+
+build=${1:?usage: sh tests/e2e_calibrate.sh BUILD_DIR}
+fathom=$(cd "$build" && pwd)/fathom
+face=$(cd "$(dirname "$0")/.." && pwd)/../shared/data/face
+work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-calibrate-XXXXXX") || exit 1
+trap 'rm -rf "$work"' EXIT
+trap 'exit 1' INT TERM
+cd "$work" || exit 1
+
+calibrate() {
+    "$fathom" calibrate "$@" --threads 1 >out 2>err
+    status=$?
+}
+
+# near FILE X Y Z DEGREES OFFSET SECONDS: the rig's rotation and clock offset.
+near() {
+    awk -v x="$2" -v y="$3" -v z="$4" -v most="$5" -v offset="$6" -v seconds="$7" '
+        function quaternion(q, x, y, z,   a, s) {
+            a = sqrt(x * x + y * y + z * z) * atan2(0, -1) / 180
+            s = a > 0 ? sin(a / 2) / (a * 180 / atan2(0, -1)) : 0
+            q[0] = cos(a / 2); q[1] = s * x; q[2] = s * y; q[3] = s * z
+        }
+        $1 == "imu_to_camera_rotation" { quaternion(p, $2, $3, $4); quaternion(q, x, y, z); seen++
+            c = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+            if (c < 0) c = -c
+            if (c > 1) c = 1
+            angle = 2 * atan2(sqrt(1 - c * c), c) * 180 / atan2(0, -1) }
+        $1 == "imu_clock_offset" { off = $2 - offset; if (off < 0) off = -off; seen++ }
+        END { print "angle " angle ", offset off by " off; exit !(seen == 2 && angle <= most && off <= seconds) }' "$1" >>err
+}
+
+one_error() { [ "$(grep -c -v -e '^fathom: note: ' -e '^fathom: warning: ' err)" -eq 1 ] && grep -q -e "$1" err; }
+
+# rig NAME ROTATION OFFSET OPTIONS...: simulates and calibrates; the result goes to NAME.rig.
+rig() {
+    name=$1 rotation=$2 offset=$3
+    shift 3
+    "$fathom" simulate room "$name" --size 160x120 --frames 240 --threads 1 --imu-rotation="$rotation" \
+        --imu-clock-offset="$offset" "$@" >made 2>err &&
+        calibrate "$name" --output "$name.rig" && [ $status -eq 0 ]
+}
+
+rig a 180,0,0 0.1 --still 0 && near a.rig 180 0 0 0.3 0.1 0.002
+check "half a turn, 0.1 s, moving early"
+rig b -60,100,-20 -0.07 --seed 2 && near b.rig -60 100 -20 0.3 -0.07 0.002
+check "a mounting at any angle, -0.07 s"
+
+printf '# mine\ndepth_scale 5000 # by the maker\nimu_clock_offset 5\ngravity 9.81\nimu_clock_offset 6' >b/rig.txt
+calibrate b
+[ $status -eq 0 ] && near b/rig.txt -60 100 -20 0.3 -0.07 0.002 && grep -q '^# mine$' b/rig.txt &&
+    grep -q '^depth_scale 5000 # by the maker$' b/rig.txt && grep -q '^gravity 9.81$' b/rig.txt &&
+    [ "$(grep -c imu_clock_offset b/rig.txt)" -eq 1 ] && [ ! -e b/rig.txt.part ] && grep -q 'imu_clock_offset .*+-' out
+check "rig.txt: wrong values are no start, other lines stay, one line a key"
+
+"$fathom" simulate room still --size 160x120 --frames 60 --still 10 --threads 1 >made 2>err
+cp still/rig.txt before
+calibrate still
+[ $status -eq 1 ] && one_error 'hardly turns' && cmp -s before still/rig.txt
+check "no turning: refused, rig.txt untouched"
+
+calibrate still --imu nowhere
+[ $status -eq 1 ] && one_error 'nowhere'
+check "an IMU file that isn't there"
+rm still/imu.txt
+calibrate still
+[ $status -eq 1 ] && one_error 'no IMU samples'
+check "no imu.txt"
+calibrate still --offset-range x
+[ $status -eq 2 ] && one_error 'offset-range'
+check "a wrong option"
+calibrate
+[ $status -eq 2 ] && one_error 'unknown option\|no folder'
+check "no folder"
+
+if [ -r "$face/depth.txt" ]; then
+    calibrate "$face" --output face.rig
+    [ $status -eq 0 ] && near face.rig 0 0 90 2 0.055 0.015 && grep -q '^depth_scale 10000' face.rig
+    check "a real phone: within 2 degrees of (0 0 90), 0.040 to 0.070 s"
+else
+    number=$((number + 1))
+    echo "ok $number - a real phone # SKIP ../shared/data/face isn't there"
+fi
+
+[ $failed -eq 0 ]
