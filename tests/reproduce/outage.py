@@ -42,10 +42,11 @@ def measure(runs):
         for _, recording, _, _ in chosen:
             whole[recording.name] = recording
         for recording in whole.values():
-            jobs.append(((recording.name, way), lambda r=recording, o=how: runs.replay(r, o, ["error"], take)))
+            jobs.append(((recording.name, way), lambda r=recording, o=how: runs.replay(
+                r, o, look=lambda files: {"mesh": mesh.read_ply(files["mesh"])})))
         for case, recording, start, end in chosen:
             jobs.append(((case, way), lambda r=recording, o=[*how, "--outage", f"{start}:{end}"]:
-                         runs.replay(r, o, ["state", "error"], take)))
+                         runs.replay(r, o, ["state", "error"], take, ("mesh", "picture"))))
     done = runs.all(jobs)
     pictures = os.path.join(os.path.dirname(runs.work), "pictures")
     shutil.rmtree(pictures, ignore_errors=True)

@@ -108,19 +108,19 @@ class Runs:
 
     # ---- replays ----
 
-    def replay(self, recording, options=(), keep=(), look=None):
+    def replay(self, recording, options=(), keep=(), look=None, outputs=("mesh",)):
         """A replay's figures: its command, its summary line, and of each frame what `keep` names (columns of --stats, or
-        `error` for the way the position has strayed, metres). look(files) may look at the mesh (files["mesh"]) and the picture
-        (files["picture"]); its answer is kept under "look"."""
+        `error` for the way the position has strayed, metres). look(files) may look at the outputs (files["mesh"],
+        files["picture"]); its answer is kept under "look"."""
         with self.lock:
             self.count += 1
             base = os.path.join(self.work, f"run-{self.section}{self.count}")
         files = {"stats": base + ".csv", "trajectory": base + ".txt"}
         if look:
-            files.update(mesh=base + ".ply", picture=base + ".png")
-        outputs = [part for kind, path in files.items() for part in ("--" + kind, path)]
+            files.update({kind: base + {"mesh": ".ply", "picture": ".png"}[kind] for kind in outputs})
+        written = [part for kind, path in files.items() for part in ("--" + kind, path)]
         out = self.process([os.path.join(self.build, "fathom"), "replay", recording.folder, "--threads", "1"] +
-                           list(options) + outputs).decode()
+                           list(options) + written).decode()
         result = {"command": " ".join(["fathom replay", recording.name, *options])}
         for pair in out.strip().splitlines()[-1].split():
             key, value = pair.split("=")
