@@ -6,6 +6,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
+from matplotlib.ticker import FuncFormatter  # noqa: E402
 
 STYLE = {"paper, IMU": dict(color="#009E73", marker="^", linestyle="-"),
          "paper, no IMU": dict(color="#E69F00", marker="v", linestyle="--"),
@@ -31,9 +32,24 @@ def line_style(way, markers=False):
     return style
 
 
+def legend_below(figure, axis, columns=4, rows=1):
+    """One legend for all panels, from the lines of one of them."""
+    share = 0.075 * rows * 3.4 / figure.get_size_inches()[1]
+    figure.set_layout_engine("constrained", rect=(0, share, 1, 1 - share))
+    figure.legend(*axis.get_legend_handles_labels(), loc="lower center", ncol=columns, frameon=False)
+
+
+def plain(axis):
+    """Numbers at a logarithmic axis as people write them."""
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
 def save(figure, folder, name):
     """Writes folder/name.png with few colours, which is enough for lines and keeps it small."""
     os.makedirs(folder, exist_ok=True)
+    for axis in figure.axes:
+        if axis.get_yscale() == "log":
+            plain(axis.yaxis)
     path = os.path.join(folder, name + ".png")
     figure.savefig(path, metadata={"Software": None}, pil_kwargs={"optimize": True})
     plt.close(figure)

@@ -89,7 +89,7 @@ def draw_errors(results, folder):
             axis.plot([1000 * e for e in run["series"]["error"]], label=run["way"], **figures.line_style(run["way"]))
         axis.set(title=case, xlabel="frame", yscale="log", ylim=(0.5, None))
     axes[0].set_ylabel("position error, mm")
-    axes[0].legend()
+    figures.legend_below(plot, axes[0], columns=5)
     plot.suptitle("Error of the position around an outage, from a true start")
     figures.save(plot, folder, "outage-error")
 
@@ -101,6 +101,7 @@ def draw_pictures(results, folder):
         axis.imshow(np.load(os.path.join(results["pictures"], PICTURES.format(f"{case}-{place}"))))
         axis.set(title=way, xticks=[], yticks=[])
         axis.grid(False)
+        axis.spines[:].set_visible(False)
     plot.suptitle(f"{results['cases'][case]}: the surface and the camera's way (blue tracked, orange reckoned, red lost)")
     figures.save(plot, folder, "outage-mesh")
 

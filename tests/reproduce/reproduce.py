@@ -6,6 +6,7 @@ import os
 import platform
 import shutil
 import sys
+import textwrap
 import time
 
 import iterations
@@ -19,6 +20,7 @@ from runs import Failed, Runs, say, write_json
 
 SECTIONS = {module.LETTER: module for module in (iterations, wall, outage, strides, reckoning, surface)}
 HERE = os.path.dirname(os.path.abspath(__file__))
+WIDTH = 125
 ROOT = os.path.dirname(os.path.dirname(HERE))
 
 HEAD = """# Results
@@ -44,7 +46,8 @@ reference poses, which are themselves good to about 25 mm: an ATE near that is a
 beside the source tree, `../shared/data/kitchen`, as are motion_slow and motion_combined (BROAD).
 """
 NO_KITCHEN = """
-The recordings of `../shared/data` were not there for section {}; rows about them (kitchen, motion_*) are left out there.
+The recordings of `../shared/data` were not there for {}; rows about them
+(kitchen, motion_*) are left out there.
 """
 
 
@@ -96,6 +99,12 @@ def measure(chosen, results):
     return failed
 
 
+def wrapped(line):
+    """Prose gets the width of the other documents; tables, code and figures stay."""
+    prose = len(line) > WIDTH and line[0] not in "|#!`-"
+    return textwrap.fill(line, WIDTH, break_long_words=False, break_on_hyphens=False) if prose else line
+
+
 def assemble(results, docs):
     kept = {}
     for letter in SECTIONS:
@@ -111,7 +120,7 @@ def assemble(results, docs):
         lines += KITCHEN.splitlines()
     without = [letter for letter, k in kept.items() if not k["shared"]]
     if without:
-        lines += NO_KITCHEN.format(list_of(without)).splitlines()
+        lines += NO_KITCHEN.format(list_of(f'section {letter}' for letter in without)).splitlines()
     made_on = dict.fromkeys(f"{k['version']}, {k['processor']}" for k in kept.values())
     lines += ["", f"Measured with {'; '.join(made_on)}." if made_on else "Nothing has been measured yet.", ""]
     if any(k["tiny"] for k in kept.values()):
@@ -129,7 +138,7 @@ def assemble(results, docs):
         lines += [f"`make reproduce SECTIONS={letter}` makes this section.", ""]
     path = os.path.join(docs, "RESULTS.md")
     with open(path + ".part", "w") as file:
-        file.write("\n".join(lines).rstrip() + "\n")
+        file.write("\n".join(map(wrapped, lines)).rstrip() + "\n")
     os.replace(path + ".part", path)
     say(f"wrote {os.path.relpath(path)}")
 

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import evaluate
 
-TINY = ["--frames", "60", "--size", "160x120"]  # of each simulated recording, when only the machinery is tried
+TINY = ["--frames", "60", "--size", "160x120"]  # unless said otherwise, when only the machinery is tried
 LONGEST_S = 900                                  # a run that takes longer hangs
 
 # The paper aligns frame to frame, takes inertia as the seed only, rejects what is ill-conditioned, and without an IMU starts
@@ -68,6 +68,8 @@ class Runs:
             done = subprocess.run(command, input=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=LONGEST_S)
         except subprocess.TimeoutExpired:
             raise Failed(f"{' '.join(command)}: no end after {LONGEST_S} s") from None
+        except OSError as error:
+            raise Failed(f"{command[0]}: {error.strerror}; run make") from None
         if done.returncode:
             last = (done.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
             raise Failed(f"{' '.join(command)} ended with status {done.returncode}: {last}")
@@ -94,7 +96,7 @@ class Runs:
         options = list(options) + (["--seed", str(seed)] if seed != 1 else [])
         shown = " ".join(["fathom simulate", scene, name] + [o.replace(self.shared + os.sep, "") for o in options])
         say(f"[{self.section}] {shown}")
-        self.process([os.path.join(self.build, "fathom"), "simulate", scene, folder] + options + (TINY if self.tiny else []))
+        self.process([os.path.join(self.build, "fathom"), "simulate", scene, folder] + (TINY if self.tiny else []) + options)
         made = Recording(name, folder, shown, scene, seed)
         with self.lock:
             self.recordings[name] = made
