@@ -16,8 +16,8 @@ MORE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0000
 MARKERS = "osD^vPX"
 
 plt.rcParams.update({"font.size": 9, "axes.titlesize": 10, "figure.dpi": 110, "axes.grid": True, "grid.alpha": 0.3,
-                     "lines.linewidth": 1.6, "lines.markersize": 5, "legend.fontsize": 8, "axes.spines.top": False,
-                     "axes.spines.right": False, "figure.constrained_layout.use": True})
+                     "lines.linewidth": 1.6, "lines.markersize": 5, "legend.fontsize": 8, "legend.handlelength": 3.2,
+                     "axes.spines.top": False, "axes.spines.right": False, "figure.constrained_layout.use": True})
 
 
 def panels(count, height=3.4, width=9.6, **options):

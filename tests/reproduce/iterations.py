@@ -19,9 +19,9 @@ def scenes(runs):
     if kitchen:
         yield "kitchen, every 4th frame", kitchen, ["--stride", "4"]
         yield "kitchen, every 8th frame", kitchen, ["--stride", "8"]
-    room, wall = ([], []) if runs.tiny else (["--frames", "150"], ["--frames", "141"])
+    room, wall = ([], []) if runs.tiny else (["--frames", "150"], ["--frames", "120"])
     yield "room", runs.simulate("room-brisk", "room", "--speed", "2", *room), []
-    yield "bare wall", runs.simulate("wall-brisk", "wall", "--speed", "1.7", *wall), []
+    yield "bare wall", runs.simulate("wall-brisk", "wall", "--speed", "2", *wall), []
 
 
 def measure(runs):

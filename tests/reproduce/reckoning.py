@@ -125,7 +125,10 @@ def page(results, folder):
                          len(horizons.get(times[0], ([],))[0]), *cells))
         lines += table((title, "mode", "places", *(f"{t:g} s" for t in times)), rows)
     lines += ["Commands (the first seed's; the others have the same with their own folders):", ""]
-    lines += [f"- {run['imu'] if run['mode'] != 'no IMU' or run['seed'] == 0 else 'room'}, {run['mode']}: {code(run['command'])}"
-              for run in results["runs"] if run["seed"] in (0, results["seeds"][0])] + [""]
+    for run in results["runs"]:
+        if run["seed"] in (0, results["seeds"][0]):
+            imu = "room" if run["mode"] == "no IMU" and run["seed"] else run["imu"]
+            lines.append(f"- {imu}, {run['mode']}: {code(run['command'])}")
+    lines.append("")
     lines += figure("drift", "Drift of dead reckoning by time")
     return lines

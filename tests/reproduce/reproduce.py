@@ -1,5 +1,5 @@
-"""The paper's claims as experiments: measures, keeps raw results in BUILD/reproduce/*.json, and writes the page of all that is
-there. Sections that aren't chosen keep the results they have."""
+"""The paper's claims as experiments: measures, keeps raw results in BUILD/reproduce/*.json, and writes the page of all that
+is there. Sections that aren't chosen keep the results they have."""
 import argparse
 import json
 import os
@@ -129,7 +129,8 @@ def assemble(results, docs):
     if missing:
         lines += [f"Not measured yet: {list_of(f'section {letter}' for letter in missing)} "
                   f"(`make reproduce SECTIONS={','.join(missing)}`).", ""]
-    rows = [(claim, verdict, f"({letter})") for letter, k in kept.items() for claim, verdict in SECTIONS[letter].claims(k["results"])]
+    rows = [(claim, verdict, f"({letter})") for letter, k in kept.items()
+            for claim, verdict in SECTIONS[letter].claims(k["results"])]
     if rows:
         lines += ["## The claims in short", "", "Each verdict is worked out from the numbers below.", ""]
         lines += table(("claim", "here", "section"), rows)

@@ -1,5 +1,5 @@
 #!/bin/sh
-# The paper's claims as experiments: sh tests/reproduce/reproduce.sh BUILD [options]. Writes docs/RESULTS.md and docs/results/*.png.
+# The paper's claims as experiments: sh tests/reproduce/reproduce.sh BUILD [options]. Writes docs/RESULTS.md and its figures.
 # Options are reproduce.py's (--help lists them). Debian's python3-numpy and python3-matplotlib belong to Debian's own Python,
 # which need not be the first in PATH.
 set -u

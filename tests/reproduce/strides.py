@@ -82,9 +82,11 @@ def claims(results):
         same = all(most[case, "IMU"] == most[case, "no IMU"] for case in results["cases"])
         word = ("holds" if len(further) == len(results["cases"]) else "holds in part" if further else
                 "no difference here" if same else "does not hold")
-        rows.append((f"The IMU carries tracking over larger motion between frames (Section 3.1); {kind}'s way", f"{word}: " + "; ".join(
-            f"{case}: " + (f"up to stride {most[case, 'IMU']}" if most[case, 'IMU'] else "no stride") + " with, " +
-            (f"{most[case, 'no IMU']}" if most[case, 'no IMU'] else "none") + " without" for case in results["cases"])))
+        found = "; ".join(f"{case}: " + (f"up to stride {most[case, 'IMU']}" if most[case, "IMU"] else "no stride") + " with, " +
+                          (f"{most[case, 'no IMU']}" if most[case, "no IMU"] else "none") + " without"
+                          for case in results["cases"])
+        rows.append((f"The IMU carries tracking over larger motion between frames (Section 3.1); {kind}'s way",
+                     f"{word}: {found}"))
     return rows
 
 
