@@ -8,7 +8,7 @@ import numpy as np
 import figures
 import mesh
 from page import code, figure, millimetres, percent, recordings, table
-from runs import WAYS, flat
+from runs import WAYS
 
 LETTER, TITLE = "c", "Outage and return (Section 3.2, Figure 1)"
 SOON = 10        # frames after the outage within which a camera that has found back is tracked

@@ -3,7 +3,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 import figures
 import mesh
-from page import code, complete, figure, millimetres, percent, recordings, table, tracked
+from page import complete, figure, millimetres, percent, recordings, table, tracked
 from runs import WAYS, flat
 
 LETTER, TITLE = "d", "Error and completeness by the distance between frames (Section 3.1)"

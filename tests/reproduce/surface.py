@@ -4,7 +4,7 @@ import numpy as np
 import evaluate
 import figures
 import mesh
-from page import code, complete, figure, millimetres, percent, recordings, table, tracked
+from page import code, figure, millimetres, percent, recordings, table, tracked
 from runs import WAYS, flat
 
 LETTER, TITLE = "f", "The mesh against the true surface"
@@ -78,7 +78,7 @@ def claims(results):
         word = "holds" if len(better) == len(SCENES) else "holds in part" if better else "does not hold"
         rows.append((f"The IMU makes the reconstruction no worse anywhere; {kind}'s way",
                      f"{word}: on {len(better)} of {len(SCENES)} simulated scenes no more of the mesh is wrong with it "
-                     f"(within {percent(SAME)})"))
+                     f"(shares that differ by less than {percent(SAME)} count as the same)"))
     return rows
 
 
