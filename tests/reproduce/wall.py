@@ -98,7 +98,7 @@ def page(results, folder):
     draw(results, folder)
     runs = by_name(results)
     counts = [len(results["bare"][case]) for case in results["cases"] if case.startswith("simulated")]
-    lines = [f"The simulated camera passes a bare wall at twice its usual pace; {min(counts)} to {max(counts)} frames see nothing "
+    lines = [f"The simulated camera passes a bare wall faster than usual; {min(counts)} to {max(counts)} frames see nothing "
              f"else. In the kitchen 35 real frames are replaced by a rendered wall that stands across the view. Three "
              f"iterations a frame with the IMU, twenty without. *Strayed* is how far the position is off just after the bare "
              f"stretch, and at the recording's end, with the first poses laid on each other.", ""]
