@@ -19,8 +19,9 @@ PICTURES = "outage-{}.npy"
 def cases(runs):
     """name, recording, first frame of the outage, first after it."""
     room = runs.simulate("room", "room")
-    last = room.frames()
-    yield "room, 1.2 s", room, min(120, last // 3), min(155, last // 2)
+    start = room.frames() // 3
+    end = min(start + 35, room.frames() // 2)
+    yield f"room, {(end - start) / 30:.1f} s", room, start, end
     kitchen = runs.given("kitchen")
     if kitchen:
         yield "kitchen, 1.2 s", kitchen, 200, 235
