@@ -83,12 +83,13 @@ def came_back(run):
 
 def draw_errors(results, folder):
     plot, axes = figures.panels(len(results["cases"]), 3.5, 10.5, sharey=True)
+    most = 1000 * max(max(run["series"]["error"]) for run in results["runs"])
     for axis, case in zip(axes, results["cases"]):
         for run in (run for run in results["runs"] if run["case"] == case):
             if run["way"] == "paper, IMU":
                 axis.axvspan(run["start"], run["end"], color="0.85", label="lens covered")
             axis.plot([1000 * e for e in run["series"]["error"]], label=run["way"], **figures.line_style(run["way"]))
-        axis.set(title=case, xlabel="frame", yscale="log", ylim=(0.5, None))
+        axis.set(title=case, xlabel="frame", yscale="log", ylim=(0.5, 2 * most))
     axes[0].set_ylabel("position error, mm")
     figures.legend_below(plot, axes[0], columns=5)
     plot.suptitle("Error of the position around an outage, from a true start")

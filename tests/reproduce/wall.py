@@ -70,13 +70,14 @@ def draw(results, folder):
     plot, axes = figures.panels(len(shown), 3.6, 9.6)
     for axis, case in zip(axes, shown):
         bare = results["bare"][case]
+        most = 1000 * max(max(runs[case, way]["series"]["error"]) for way in WAYS)
         if bare:
             axis.axvspan(bare[0], bare[-1] + 1, color="0.85", label="bare wall only")
         for way in WAYS:
             error = [1000 * e for e in runs[case, way]["series"]["error"]]
             axis.plot(error, label=f"{way}, {BUDGET[way.split(', ')[1]]} iterations", **figures.line_style(way))
         axis.set(title=f"{case}: {len(bare)} bare frames", xlabel="frame", ylabel="position error, mm",
-                 yscale="log", ylim=(0.5, None))
+                 yscale="log", ylim=(0.5, 2 * most))
     figures.legend_below(plot, axes[0], columns=3, rows=2)
     plot.suptitle("Error of the position over the recording, from a true start")
     figures.save(plot, folder, "bare-wall")
