@@ -5,7 +5,7 @@ BUILD    ?= build
 PREFIX   ?= /usr/local
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
-                  libpng-dev libcmocka-dev oclgrind python3 python3-venv
+                  libpng-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
 
 VERSION_MAJOR := $(shell sed -n 's/.define FATHOM_VERSION_MAJOR *//p' lib/fathom.h)
 VERSION_MINOR := $(shell sed -n 's/.define FATHOM_VERSION_MINOR *//p' lib/fathom.h)
@@ -39,7 +39,7 @@ DRIVERS_LIBS = $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 Q = $(if $(V),,@)
 say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 
-.PHONY: all deps demo check bench install uninstall clean help objects
+.PHONY: all deps demo check bench reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
 all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom
@@ -100,6 +100,7 @@ help:
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
 	@echo "make bench      speed beside other systems, as ratios in one run"
+	@echo "make reproduce  the paper's claims as experiments, into docs/RESULTS.md (SECTIONS=a,d: only these)"
 	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
 	@echo "make clean      remove build/ and out/"
 
@@ -121,6 +122,12 @@ demo: deps
 bench: deps
 	@$(MAKE) --no-print-directory all
 	sh tests/bench/bench.sh $(BUILD)
+
+# SECTIONS: some of a to f, e.g. a,d; REPRODUCE: further options of tests/reproduce/reproduce.py.
+SECTIONS ?= a,b,c,d,e,f
+reproduce: deps
+	@$(MAKE) --no-print-directory all reproduce-tools
+	sh tests/reproduce/reproduce.sh $(BUILD) --sections $(SECTIONS) $(REPRODUCE)
 
 install: all
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include $(DESTDIR)$(PREFIX)/bin
@@ -151,12 +158,20 @@ $(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(D
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $< $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
 
+# What make reproduce measures with beside the fathom command.
+$(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $< $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
+
+.PHONY: reproduce-tools
+reproduce-tools: $(BUILD)/tests/reproduce/drift $(BUILD)/tests/reproduce/scene_distance
+
 .PHONY: tests
 .SECONDARY:
 tests: $(TESTS)
 
 check: deps
-	@$(MAKE) --no-print-directory all tests
+	@$(MAKE) --no-print-directory all tests reproduce-tools
 	@$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize SANITIZE=address,undefined OPTIMISE='-O1 -g' all tests
 	sh tests/run.sh $(BUILD)
 

@@ -12,6 +12,8 @@ const char settings_help[] =
     "    --against model|previous   align with the ray-cast surface (default) or with the frame before\n"
     "    --prior seed|information   what inertia does for the alignment: where to start (the paper's way; an\n"
     "                               ill-conditioned one is rejected), or also its information (default)\n"
+    "    --start inertia|previous   where alignment starts: at the inertial estimate (default), or at the frame\n"
+    "                               before's pose, as it does where there is no inertial navigation\n"
     "    --iterations A,B,C         most iterations at the coarsest..finest level, each 0..100\n"
     "    --voxel M                  voxel size, metres (default 0.01)\n"
     "    --memory MB                most memory, host and device together (default 128; MB is 2^20)\n"
@@ -41,6 +43,19 @@ static bool set_threads(const char *option, const char *text) {
     return true;
 }
 
+/* ICP's usual start, the frame before's pose (Section 3.1). The sigma grows as a hand may turn and move. */
+static int stay(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motion) {
+    const double turn = 1.0, speed = 0.5; /* rad/s, m/s */
+    const double dt = 1e-9 * ((double)to_ns - (double)from_ns);
+    (void)user;
+    *motion = (fathom_motion){.motion = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}};
+    for (int i = 0; i < 3; i++) {
+        motion->covariance[7 * i] = (float)(turn * turn * dt * dt);
+        motion->covariance[7 * (i + 3)] = (float)(speed * speed * dt * dt);
+    }
+    return FATHOM_OK;
+}
+
 static bool set_iterations(const char *option, const char *text, fathom_config *config) {
     double counts[FATHOM_LEVELS];
     if (!parse_numbers(option, text, FATHOM_LEVELS, 0, 100, counts)) return false;
@@ -65,6 +80,7 @@ int settings_take(struct settings *settings, struct options *options) {
         TRANSLATION,
         AGAINST,
         PRIOR,
+        START,
         ITERATIONS,
         VOXEL,
         MEMORY,
@@ -74,8 +90,8 @@ int settings_take(struct settings *settings, struct options *options) {
         KEYS
     };
     static const char *const names[KEYS] = {"--depth-scale", "--intrinsics", "--translation", "--against",
-                                            "--prior",       "--iterations", "--voxel",       "--memory",
-                                            "--size",        "--threads",    "--device"};
+                                            "--prior",       "--start",      "--iterations",  "--voxel",
+                                            "--memory",      "--size",       "--threads",     "--device"};
     fathom_config *config = &settings->config;
     int key = 0;
     while (key < KEYS && strcmp(names[key], options->name) != 0) key++;
@@ -111,6 +127,11 @@ int settings_take(struct settings *settings, struct options *options) {
         choice = take_choice(name, value, "seed", "information");
         good = choice >= 0;
         config->prior = choice ? FATHOM_PRIOR_INFORMATION : FATHOM_PRIOR_SEED;
+        break;
+    case START:
+        choice = take_choice(name, value, "inertia", "previous");
+        good = choice >= 0;
+        config->inertial_hook = choice == 1 ? stay : NULL;
         break;
     case ITERATIONS: good = set_iterations(name, value, config); break;
     case VOXEL:
