@@ -48,6 +48,7 @@ void inertial_reset(inertial *n) {
     n->corrected_ns = INT64_MIN;
     n->corrected = pose_identity();
     n->still_samples = 0;
+    inertial_check_reset(n);
 }
 
 int inertial_push(inertial *n, const fathom_imu_sample *s) {
@@ -140,6 +141,7 @@ static void append(inertial *n, const fathom_imu_sample *raw) {
     *sample_at(n, n->count - 1) = s;
     n->counters.imu_accepted++;
     watch_stillness(n, &s);
+    plausibility_sample(&n->check, s.timestamp_ns, raw->gyro, raw->accel);
 }
 
 void inertial_drain(inertial *n) {
@@ -181,7 +183,7 @@ static void sample_between(inertial *n, int64_t t, int i, double gyro[3], double
 /* One stretch between neighbouring samples, or without any: i is find_sample(early). forward: from early to late. */
 static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int i, bool forward) {
     const fathom_config *c = n->config;
-    bool imu = c->imu && n->count > 1;
+    bool imu = n->usable && n->count > 1;
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
     navigator_noise noise = {c->gyro_noise, c->motion_accel_sigma * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK,
@@ -212,7 +214,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
         double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), COAST_SECONDS);
         noise.turn = c->motion_turn_sigma * sqrt(pow(age + dt, 4) - pow(age, 4));
     }
-    bool force = covered && c->imu_translation && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
+    bool force = covered && n->force_usable && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
     if (force) noise.accel = c->accel_noise;
     navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
 }
@@ -249,7 +251,7 @@ static void rest(inertial *n, navigator *s, int64_t timestamp_ns) {
 
 int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_motion *out) {
     const fathom_config *c = n->config;
-    if (!n->running && !(c->imu && n->count > 1)) return FATHOM_ERROR_NO_DATA;
+    if (!n->running && !(n->usable && n->count > 1)) return FATHOM_ERROR_NO_DATA;
     int64_t early = from_ns < to_ns ? from_ns : to_ns, late = from_ns < to_ns ? to_ns : from_ns;
     navigator whole, s;
     if (n->running)

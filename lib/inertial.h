@@ -8,6 +8,7 @@
 #include "arena.h"
 #include "fathom.h"
 #include "navigator.h"
+#include "plausibility.h"
 #include "pose.h"
 
 /* A sample on the depth clock, in camera axes. */
@@ -39,6 +40,14 @@ typedef struct {
     int still_samples;    /* length of the stillness at hand */
     double still_sum[3], still_accel[3];
     fathom_counters counters;
+    /* lib/inertial_check.c's */
+    bool usable, force_usable; /* as the settings say, unless found to be wrong */
+    plausibility check;
+    fathom_imu_health told[2]; /* what the log knows of gyroscope and accelerometer */
+    pose base, accepted;       /* the start of the interval at hand; the last accepted pose */
+    int64_t base_ns, accepted_ns; /* INT64_MIN: none */
+    double velocity[3];        /* m/s, world, from the last two accepted poses */
+    bool moving;               /* that is known */
 } inertial;
 
 typedef struct {
@@ -66,5 +75,14 @@ void inertial_advance(inertial *n, int64_t timestamp_ns);
 /* An accepted pose corrects the navigator (the first one starts it). information: 6x6 of the pose, camera axes, right
  * perturbation; directions without information correct nothing. NULL: the pose is exact. */
 void inertial_correct(inertial *n, const pose *accepted, const double information[36], int64_t timestamp_ns);
+
+/* lib/inertial_check.c: is the IMU what the settings say? A frame's pose by alignment; NULL: none to be trusted in all
+ * directions. accepted: it is the frame's pose. Warns, and stops using what is wrong. */
+void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns);
+void inertial_check_reset(inertial *n);
+
+/* While the IMU isn't known to be right: where the camera would be if it had kept the velocity of the accepted poses. False
+ * when there is no need for that (seed: where it is by inertia) or no such velocity. */
+bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess, double covariance[36]);
 
 #endif
