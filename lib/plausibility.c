@@ -20,8 +20,8 @@
 #define INTERVAL_NOISE 0.01           /* rad: misfit of a good rig over an interval, and ... */
 #define SCALE_NOISE 0.05              /* ... in parts of the turn */
 #define BIAS_SIGMA 0.1                /* rad/s: a bias beyond three of these is no bias */
-#define REFUTED 12                    /* times the expected misfit */
-#define SUSPECT 5
+#define REFUTED 4                     /* times the expected misfit */
+#define SUSPECT 2
 #define EXPLAINED 0.15                /* of the reading's energy may stay unexplained */
 #define TIE 0.03                      /* explanations as good as that are the same: the simplest is told */
 #define MEMORY_TURN (360 * DEGREE)    /* older evidence fades */
@@ -347,7 +347,7 @@ static void judge_gyro(plausibility *p) {
                         : FATHOM_IMU_AXES,
               scale, 7);
         memcpy(f->map, map, sizeof map);
-    } else if (!find_clock(p) && plenty) {
+    } else if (plenty && !find_clock(p)) {
         found(f, left < EXPLAINED && identity ? FATHOM_IMU_SCALE : FATHOM_IMU_UNRELATED, scale, 7);
         memcpy(f->map, map, sizeof map);
     }
@@ -455,10 +455,10 @@ static void judge_sign(plausibility *p) {
     double slope = fd / ff, left = fmax(dd - slope * fd, 1e-4 * p->changes);
     double sigma = sqrt(left / (3 * p->changes - 4) / ff);
     if (getenv("DBG")) fprintf(stderr, "sign n %d slope %g sigma %g\n", p->changes, slope, sigma);
-    if (sigma > 0.15) return;
-    if (slope < -0.5)
+    if (sigma > 0.25 * fabs(slope) || fabs(slope) < 0.2) return;
+    if (slope < 0)
         found(&p->accel, FATHOM_IMU_SIGN, slope, 7);
-    else if (slope > 0.6 && slope < 1.6 && p->accel.health == FATHOM_IMU_UNCHECKED)
+    else if (p->accel.health == FATHOM_IMU_UNCHECKED)
         p->accel.health = FATHOM_IMU_GOOD;
 }
 

@@ -6,6 +6,8 @@
  *     else:         M = M * d
  */
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -135,10 +137,9 @@ static void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed,
     r->verdict = has_depth(c, scan) ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
 }
 
-/* Mean squared distance where scan and model both have a surface; what found no pair is far. */
-static double misfit(const fathom_config *c, const alignment *a) {
-    double unpaired = fmax(a->overlap - a->pairs, 0);
-    return (a->pairs * a->rms * a->rms + unpaired * c->max_rms_m * c->max_rms_m) / fmax(a->overlap, 1);
+/* Squared distances summed; of `pixels` that could have pairs, those without are far. */
+static double misfit(const fathom_config *c, const alignment *a, int pixels) {
+    return a->pairs * a->rms * a->rms + (pixels - a->pairs) * c->max_rms_m * c->max_rms_m;
 }
 
 /* While the IMU isn't known to be right, the frame is aligned from the last velocity too, and what fits the surface clearly
@@ -154,8 +155,10 @@ static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose
     o.ms_align += r->ms_align;
     o.ms_raycast += r->ms_raycast;
     o.iterations += r->iterations;
+    int pixels = other.overlap > icp->overlap ? other.overlap : icp->overlap;
     bool better = r->verdict != FATHOM_VERDICT_TRACKING ||
-                  (other.overlap > 0.8 * icp->overlap && misfit(&f->config, &other) < 0.9 * misfit(&f->config, icp));
+                  misfit(&f->config, &other, pixels) < 0.95 * misfit(&f->config, icp, pixels);
+    if (getenv("DBG")) { pose ap = pose_between(&icp->motion, &other.motion); fprintf(stderr, "%.2f A v%d misfit %.3g cond %.2g ov %d pairs %d rot %.2f; B v%d misfit %.3g cond %.2g ov %d pairs %d rot %.2f innov %.2f; apart %.2f deg %.4f m %s\n", 1e-9*r->timestamp_ns, r->verdict, misfit(&f->config, icp,pixels)*1e6/pixels, icp->condition, icp->overlap, icp->pairs, r->prior_rotation_rad*57.3, o.verdict, misfit(&f->config,&other,pixels)*1e6/pixels, other.condition, other.overlap, other.pairs, o.prior_rotation_rad*57.3, o.innovation_sigmas, pose_angle(&ap)*57.3, pose_distance(&ap), better ? "B" : "A"); }
     if (o.verdict != FATHOM_VERDICT_TRACKING || !better) return;
     *icp = other;
     *r = o;
