@@ -23,7 +23,13 @@
 #define REFUTED 4                     /* times the expected misfit */
 #define SUSPECT 2
 #define EXPLAINED 0.15                /* of the reading's energy may stay unexplained */
-#define TIE 0.03                      /* explanations as good as that are the same: the simplest is told */
+#define BETTER 0.25                   /* of the misfit is left by what explains it clearly better */
+#define HINT 0.15                     /* times the expected misfit: worth being explained */
+#define TILT (10 * DEGREE)            /* a mounting that is off by less is no mistake */
+#define TIE 1.3                       /* explanations that leave this times more, and */
+#define TIE_LEAST 0.002               /* of the energy, are the same: the simplest is told */
+#define CLOCKS 5                      /* a delay must be found so many times in a row: one that grows is a pace */
+#define FORCE_SCATTER 0.008            /* of its energy specific force has beside gravity when nothing is wrong */
 #define MEMORY_TURN (360 * DEGREE)    /* older evidence fades */
 #define MEMORY_FORCES 200             /* intervals, the same for specific force */
 #define STUCK_TURN (8 * DEGREE)       /* a constant gyroscope axis while the camera turns about it */
@@ -66,18 +72,28 @@ static void profile_add(plausibility_profile *q, int64_t timestamp_ns, double sp
     q->count[i]++;
 }
 
+static bool at_limit(const plausibility_axis *a, double least) {
+    return fabsf(a->value) == a->most && a->most > least;
+}
+
+static void stay_at_limit(plausibility *p, int which, int times) {
+    plausibility_finding *f = which < 3 ? &p->gyro : &p->accel;
+    plausibility_axis *a = &p->axis[which];
+    a->stays += times;
+    if (a->stays < STAYS || f->health > FATHOM_IMU_SATURATED) return;
+    if (f->health < FATHOM_IMU_SATURATED) found(f, FATHOM_IMU_SATURATED, a->most, 0);
+    f->axes |= 1 << which % 3;
+}
+
 static void watch_axis(plausibility *p, int which, int64_t timestamp_ns, float value) {
     plausibility_axis *a = &p->axis[which];
-    plausibility_finding *f = which < 3 ? &p->gyro : &p->accel;
     float magnitude = fabsf(value);
     if (a->run > 0 && value == a->value) {
         a->run++;
         return;
     }
-    bool limit = fabsf(a->value) == a->most && a->most > (which < 3 ? LIMIT_GYRO : LIMIT_ACCEL);
-    if (a->run >= STAY && limit && magnitude < a->most && ++a->stays == STAYS && f->health < FATHOM_IMU_SATURATED)
-        found(f, FATHOM_IMU_SATURATED, a->most, 0);
-    if (f->health == FATHOM_IMU_SATURATED && a->stays >= STAYS) f->axes |= 1 << which % 3;
+    if (a->run >= STAY && magnitude < a->most && at_limit(a, which < 3 ? LIMIT_GYRO : LIMIT_ACCEL))
+        stay_at_limit(p, which, 1);
     if (magnitude > a->most) {
         a->most = magnitude;
         a->stays = 0;
@@ -91,7 +107,7 @@ static void watch_axis(plausibility *p, int which, int64_t timestamp_ns, float v
 /* The length of specific force is gravity's, on the average of a second. */
 static void judge_units(plausibility *p) {
     double ratio = p->force_length / p->force_seconds / p->gravity;
-    const double usual[] = {1 / 9.80665, 100, 1000}; /* g; milli-g or cm/s^2; mm/s^2 */
+    static const double usual[] = {1 / 9.80665, 100, 1000}; /* g; milli-g or cm/s^2; mm/s^2 */
     bool sure = p->force_seconds > 1;
     for (size_t i = 0; i < sizeof usual / sizeof *usual; i++) sure = sure || fabs(log(ratio / usual[i])) < 0.2;
     if (p->force_seconds < 0.25 || !sure || (ratio > 0.5 && ratio < 2)) return;
@@ -141,17 +157,29 @@ void plausibility_frame(plausibility *p, int64_t timestamp_ns) {
 
 /* ---- the gyroscope against alignment's turning --------------------------------------------------------------------- */
 
-/* An axis that says the same all the time while the camera turns. */
-static void judge_stuck(plausibility *p, const plausibility_interval *e) {
-    double turn = sqrt(e->turn[0] * e->turn[0] + e->turn[1] * e->turn[1] + e->turn[2] * e->turn[2]);
+/* An axis that says the same all the time while the camera turns: stuck, or at its limit. A reading that is constant because
+ * the turning is so isn't either. */
+static void judge_constant(plausibility *p, const plausibility_interval *e) {
+    double seconds = 1e-9 * (double)(e->to_ns - e->from_ns), f = 0;
+    for (int i = 0; i < 3; i++) f += e->force[i] * e->force[i];
+    f = sqrt(f);
     for (int i = 0; i < 6; i++) {
         plausibility_axis *a = &p->axis[i];
+        int j = (i + 1) % 3, k = (i + 2) % 3;
         if (a->run < 10 || a->since_ns > e->from_ns) continue;
-        double rate = 1e9 * e->turn[i % 3] / (double)(e->to_ns - e->from_ns) * (a->value < 0 ? -1 : 1);
-        if (i < 3 && fabsf(a->value) == a->most && rate > 0.8 * a->most) continue; /* at its limit, perhaps */
-        a->turned += fmax(0, (i < 3 ? fabs(e->turn[i]) : turn) - TURN_NOISE);
-        if (i < 3 ? a->turned > STUCK_TURN : a->turned > STUCK_FORCE_TURN)
-            found(i < 3 ? &p->gyro : &p->accel, FATHOM_IMU_STUCK, a->value, 1 << i % 3);
+        if (i < 3) {
+            double turn = e->turn[i] * (a->value < 0 ? -1 : 1), read = fabsf(a->value) * seconds;
+            if (fabs(turn - read) < 0.3 * fabs(turn)) continue;
+            if (turn > 1.15 * read + 2 * TURN_NOISE && at_limit(a, LIMIT_GYRO)) {
+                stay_at_limit(p, i, STAYS);
+                continue;
+            }
+            a->turned += fmax(0, fabs(turn) - TURN_NOISE);
+            if (a->turned > STUCK_TURN) found(&p->gyro, FATHOM_IMU_STUCK, a->value, 1 << i);
+        } else if (e->has_force && f > 0) { /* gravity goes by in the IMU's axes: -turn x force */
+            a->turned += fabs(e->turn[j] * e->force[k] - e->turn[k] * e->force[j]) / f;
+            if (a->turned > STUCK_FORCE_TURN) found(&p->accel, FATHOM_IMU_STUCK, a->value, 1 << i % 3);
+        }
     }
 }
 
@@ -193,8 +221,8 @@ static int signed_permutation(int k, double map[9]) {
     return determinant(map) > 0 ? 3 : k < 32 && negative == 0 ? 1 : 4;
 }
 
-/* The likeliest signed permutation: the simplest of those that explain as much as the best; `rivals` others do so that are
- * as simple. */
+/* The likeliest signed permutation: the simplest of those that leave hardly more unexplained than the best does. Returns its
+ * sum; *rivals: so many others are as simple. */
 static double best_permutation(const double gw[9], double scatter, double best_map[9], int *rivals) {
     double map[9], most = 0, sum = 0;
     int simplest = 99;
@@ -202,10 +230,12 @@ static double best_permutation(const double gw[9], double scatter, double best_m
         signed_permutation(k, map);
         most = fmax(most, explained_by(map, gw));
     }
+    double bound = TIE * (1 - most * most / scatter) + TIE_LEAST;
+    signed_permutation(0, best_map);
     for (int k = 0; k < 48; k++) {
         int complexity = signed_permutation(k, map);
         double t = explained_by(map, gw);
-        if (t <= 0 || (most * most - t * t) / scatter > TIE) continue;
+        if (t <= 0 || 1 - t * t / scatter > bound) continue;
         *rivals = complexity < simplest ? 0 : *rivals + 1;
         if (complexity < simplest || (complexity == simplest && t > sum)) {
             simplest = complexity;
@@ -285,19 +315,24 @@ static double correlation(const plausibility *p, double scale, double delay, dou
     return xy / sqrt(xx * yy);
 }
 
-/* A clock that is off: by a delay, or running at another pace. */
+/* A clock that is off: by a delay, or running at another pace. True also while it isn't sure which. */
 static bool find_clock(plausibility *p) {
-    const double scales[] = {1, 0.5, 2, 0.25, 4};
+    static const double scales[] = {1, 0.5, 2, 0.25, 4};
     double gain = 0, best = 0, now = correlation(p, 1, 0, &gain), scale = 1, delay = 0;
     for (int k = 0; k < 5; k++)
         for (double d = -1.5; d < 1.51; d += 0.05) {
             double r = correlation(p, scales[k], d, &gain);
-            if (gain < 0.6 || gain > 1.6 || r < best + (k ? 0.05 : 0)) continue;
+            if (gain < 0.6 || gain > 1.6 || r < best) continue;
             best = r;
             scale = scales[k];
             delay = d;
         }
     if (best < 0.85 || best < now + 0.15) return false;
+    bool again = scale == p->clock_scale && fabs(delay - p->clock_delay) < 0.06;
+    p->clocks = again ? p->clocks + 1 : 1;
+    p->clock_scale = scale;
+    if (!again) p->clock_delay = delay;
+    if (p->clocks < CLOCKS) return true;
     found(&p->gyro, FATHOM_IMU_CLOCK, scale, 7);
     p->gyro.delay = delay;
     return true;
@@ -309,39 +344,44 @@ static void judge_gyro(plausibility *p) {
     bool plenty = p->intervals >= PLENTY_INTERVALS && p->turned > PLENTY_TURN;
     moments m = without_bias(p);
     double same = m.gw[0] + m.gw[4] + m.gw[8], misfit = m.gg - 2 * same + m.ww;
-    p->suspicion = misfit / p->noise;
-    if (getenv("DBG")) fprintf(stderr, "gyro n %d turned %g susp %g\n", p->intervals, p->turned/DEGREE, p->suspicion);
-    if (p->suspicion < REFUTED) {
-        if (p->suspicion < SUSPECT && f->health == FATHOM_IMU_UNCHECKED) f->health = FATHOM_IMU_GOOD;
-        return;
-    }
-
     double scatter = m.ww * m.gg, map[9], turned_map[9], mirrored[9];
     int rivals = 0;
     double t = best_permutation(m.gw, scatter, map, &rivals), scale = t / m.ww;
-    double left = 1 - t * t / scatter; /* of the reading's energy */
-    if (m.gg < 0.1 * m.ww && plenty) { /* next to nothing: noise hides the axes */
-        found(f, fabs(log(57.3 * same / m.ww)) < 0.4 ? FATHOM_IMU_UNITS : FATHOM_IMU_SCALE, same / m.ww, 7);
-        return;
-    }
     for (int i = 0; i < 9; i++) mirrored[i] = -m.gw[i];
     double r = best_rotation(m.gw, turned_map), s = best_rotation(mirrored, mirrored);
-    if (s > 1.05 * r && s > 0) {
+    if (s > 1.05 * r) {
         r = s;
         for (int i = 0; i < 9; i++) turned_map[i] = -mirrored[i];
     }
-    if (getenv("DBG")) fprintf(stderr, "   left %g scale %g rivals %d r %g s %g t %g\n", left, scale, rivals, r, s, t);
-    double left_turned = 1 - r * r / scatter;
+    double tilt = angle_of(turned_map);
+
+    double explained = fmin(m.gg - 2 * t + m.ww, tilt > TILT ? m.gg - 2 * r + m.ww : misfit);
+    double suspicion = misfit / p->noise;
+    if (getenv("DBG")) fprintf(stderr, "gyro n %d turned %g susp %g expl %g left %g\n", p->intervals, p->turned/DEGREE, suspicion, explained / misfit, 1 - t * t / scatter);
+    bool hint = suspicion > HINT && explained < BETTER * misfit;
+    p->suspect = suspicion > SUSPECT || (suspicion > HINT && explained < 2 * BETTER * misfit);
+    if (suspicion < REFUTED && !hint) {
+        if (!p->suspect && f->health == FATHOM_IMU_UNCHECKED) f->health = FATHOM_IMU_GOOD;
+        return;
+    }
+
+    if (m.gg < 0.1 * m.ww) { /* next to nothing: noise hides the axes */
+        if (!plenty) return;
+        found(f, fabs(log(57.3 * same / m.ww)) < 0.4 ? FATHOM_IMU_UNITS : FATHOM_IMU_SCALE, same / m.ww, 7);
+        return;
+    }
+    double left = 1 - t * t / scatter, left_turned = 1 - r * r / scatter; /* of the reading's energy */
     bool identity = map[0] + map[4] + map[8] > 2.5, degrees = fabs(log(scale / 57.3)) < 0.25;
-    if (left_turned < EXPLAINED && left_turned < 0.5 * left && left - left_turned > TIE) {
+    bool factor = degrees || (scale > 0.6 && scale < 1.6);
+    if (tilt > TILT && left_turned < EXPLAINED && left_turned < 0.5 * left && left - left_turned > 0.01) {
         if (!plenty) return;
         found(f, FATHOM_IMU_MOUNTING, r / m.ww, 7);
         memcpy(f->map, turned_map, sizeof turned_map);
-    } else if (left < EXPLAINED && (degrees || (scale > 0.6 && scale < 1.6))) {
+    } else if (left < EXPLAINED && factor && !(identity && !degrees)) {
         if (rivals > 0 && !plenty) return;
         bool proper = determinant(map) > 0, negated = map[0] + map[4] + map[8] < -2.5;
         found(f,
-              identity  ? degrees ? FATHOM_IMU_UNITS : FATHOM_IMU_SCALE
+              identity  ? FATHOM_IMU_UNITS
               : negated ? FATHOM_IMU_SIGN
               : proper  ? FATHOM_IMU_MOUNTING
                         : FATHOM_IMU_AXES,
@@ -400,10 +440,11 @@ static double scatter_with(const plausibility *p, const double map[9]) {
     return 1 - length / p->forced / p->force_squared;
 }
 
-/* Gravity stays where it is in the world while the camera turns. */
-static void judge_axes(plausibility *p) {
-    double map[9], best_map[9], now, best = 1;
-    if (p->forced < PLENTY_INTERVALS || p->turned < ENOUGH_TURN) return;
+/* Gravity stays where it is in the world while the camera turns. True when no other axes explain the force better. */
+static bool judge_axes(plausibility *p) {
+    double map[9], best_map[9] = {0}, now, best = 1, least = 1;
+    int simplest = 99;
+    if (p->forced < PLENTY_INTERVALS || p->turned < ENOUGH_TURN) return false;
     signed_permutation(0, map);
     now = scatter_with(p, map);
     for (int k = 1; k < 48; k++) {
@@ -411,18 +452,21 @@ static void judge_axes(plausibility *p) {
         best = fmin(best, scatter_with(p, map));
     }
     if (getenv("DBG")) fprintf(stderr, "axes n %d now %g best %g\n", p->forced, now, best);
-    if (now < 0.05 || best > 0.2 * now) return;
-    int simplest = 99;
+    if (now < FORCE_SCATTER || best > BETTER * now) return best > 2 * BETTER * now;
     for (int k = 1; k < 48; k++) {
         int complexity = signed_permutation(k, map);
-        if (scatter_with(p, map) < best + 0.1 * now && complexity < simplest) {
-            simplest = complexity;
-            memcpy(best_map, map, sizeof map);
-        }
+        double scatter = scatter_with(p, map);
+        if (scatter > TIE * best + 0.05 * now || complexity > simplest ||
+            (complexity == simplest && scatter > least))
+            continue;
+        simplest = complexity;
+        least = scatter;
+        memcpy(best_map, map, sizeof map);
     }
     found(&p->accel, determinant(best_map) > 0 ? FATHOM_IMU_MOUNTING : FATHOM_IMU_AXES, 1, 7);
     memcpy(p->accel.map, best_map, sizeof best_map);
     p->accel.angle = angle_of(best_map);
+    return false;
 }
 
 /* Changes of velocity: (p2 - p1)/T2 - (p1 - p0)/T1 = V1 - P1/T1 + P2/T2 + gravity (T1 + T2)/2, with V, P the single and
@@ -489,19 +533,19 @@ static void add_force(plausibility *p, const plausibility_interval *e) {
 }
 
 void plausibility_add(plausibility *p, const plausibility_interval *e) {
-    judge_stuck(p, e);
+    judge_constant(p, e);
     add_turn(p, e);
     judge_gyro(p);
     if (!e->has_force) return;
     add_force(p, e);
     if (plausibility_bad(&p->accel)) return;
-    judge_axes(p);
-    judge_sign(p);
+    bool sure = !p->suspect && (p->gyro.health == FATHOM_IMU_GOOD || p->gyro.health == FATHOM_IMU_SATURATED);
+    if (sure && judge_axes(p)) judge_sign(p); /* else all may be wrong, with the clock */
 }
 
 bool plausibility_doubtful(const plausibility *p, bool translation) {
     if (plausibility_bad(&p->gyro)) return false; /* no doubt at all */
-    bool doubt = p->gyro.health == FATHOM_IMU_UNCHECKED || p->suspicion > SUSPECT;
+    bool doubt = p->gyro.health == FATHOM_IMU_UNCHECKED || p->suspect;
     for (int i = 0; i < 3; i++) doubt = doubt || p->axis[i].run >= 10;
     bool used = translation && !plausibility_bad(&p->accel);
     return doubt || (used && p->accel.health == FATHOM_IMU_UNCHECKED);

@@ -44,7 +44,7 @@ typedef struct {
     float value;        /* the last one */
     int64_t since_ns;   /* since when it has been that */
     int run;            /* so many samples */
-    double turned;      /* radians that alignment saw meanwhile */
+    double turned;      /* radians that the camera turned meanwhile in a way that the axis should show */
     float most;         /* the largest magnitude so far */
     int stays;          /* how often it stayed there for some samples, and left */
 } plausibility_axis;
@@ -68,9 +68,11 @@ typedef struct {
     int intervals;
     double turned, noise; /* sum of |w| above noise; of the expected misfit */
     double tt, wt[3], gt[3], ww[9], gw[9], gg;
-    double suspicion; /* misfit over what is expected */
+    bool suspect; /* more misfit than is usual, or some that a mistake would explain */
     plausibility_profile seen, read;
     int64_t origin_ns; /* of the first interval */
+    int clocks;        /* so often in a row the same clock explained the misfit */
+    double clock_scale, clock_delay;
 
     /* accelerometer: force turned into the world, once for each map from axes to axes */
     int forced;
