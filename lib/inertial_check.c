@@ -5,11 +5,11 @@
 #include "device.h"
 #include "inertial.h"
 
-#define INTERVAL_NS 150000000     /* evidence is gathered over at least this: alignment's noise counts less */
+#define INTERVAL_NS 150000000 /* evidence is gathered over at least this: alignment's noise counts less */
 #define INTERVAL_MOST_NS 700000000
-#define INTERVAL_TURN 1.0         /* rad: beyond, the integral of the rate isn't the rotation vector any more */
-#define GUESS_NS 300000000        /* a hand's velocity is no guess for longer */
-#define SAME_RAD 0.003            /* seeds that agree to within these lead alignment to the same place */
+#define INTERVAL_TURN 1.0  /* rad: beyond, the integral of the rate isn't the rotation vector any more */
+#define GUESS_NS 300000000 /* a hand's velocity is no guess for longer */
+#define SAME_RAD 0.003     /* seeds that agree to within these lead alignment to the same place */
 #define SAME_M 0.002
 
 void inertial_check_reset(inertial *n) {
@@ -48,8 +48,10 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
         const inertial_sample *a = sample(n, i - 1), *b = i < n->count ? sample(n, i) : NULL;
         int64_t next = b && b->timestamp_ns < e->to_ns ? b->timestamp_ns : e->to_ns;
         if ((b ? b->timestamp_ns : next) - a->timestamp_ns > (b ? longest : 2 * n->period_ns)) return false;
-        double dt = 1e-9 * (double)(next - t), middle = 0.5 * ((double)(t - e->from_ns) + (double)(next - e->from_ns));
-        double f = b ? (middle - (double)(a->timestamp_ns - e->from_ns)) / (double)(b->timestamp_ns - a->timestamp_ns)
+        double dt = 1e-9 * (double)(next - t),
+               middle = 0.5 * ((double)(t - e->from_ns) + (double)(next - e->from_ns));
+        double f = b ? (middle - (double)(a->timestamp_ns - e->from_ns)) /
+                           (double)(b->timestamp_ns - a->timestamp_ns)
                      : 0;
         double part[9], amid[9], here[3], w[3];
         if (!b) b = a;
@@ -144,7 +146,8 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
     if (n->config->imu_translation) tell(n, false);
 }
 
-bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess, double covariance[36]) {
+bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess,
+                           double covariance[36]) {
     const fathom_config *c = n->config;
     if (!c->imu_check || !n->usable || n->count < 2 || !n->moving || c->inertial_hook) return false;
     if (!plausibility_doubtful(&n->check, n->force_usable && isfinite(sample(n, n->count - 1)->accel[0])) ||

@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "pose.h"
@@ -12,32 +11,35 @@
 #define BIN_NS 50000000
 
 /* How sure is sure enough. Real rigs that are right have a misfit of 0.1 to 2 times the expected one. */
-#define ENOUGH_TURN (20 * DEGREE)     /* turned in all */
+#define ENOUGH_TURN (20 * DEGREE) /* turned in all */
 #define ENOUGH_INTERVALS 6
-#define PLENTY_TURN (60 * DEGREE)     /* for what is told apart less easily */
+#define PLENTY_TURN (60 * DEGREE) /* for what is told apart less easily */
 #define PLENTY_INTERVALS 15
-#define TURN_NOISE (0.3 * DEGREE)     /* turning that alignment sees where there is none */
-#define INTERVAL_NOISE 0.01           /* rad: misfit of a good rig over an interval, and ... */
-#define SCALE_NOISE 0.05              /* ... in parts of the turn */
-#define BIAS_SIGMA 0.1                /* rad/s: a bias beyond three of these is no bias */
-#define REFUTED 4                     /* times the expected misfit */
+#define TURN_NOISE (0.3 * DEGREE) /* turning that alignment sees where there is none */
+#define INTERVAL_NOISE 0.01       /* rad: misfit of a good rig over an interval, and ... */
+#define SCALE_NOISE 0.05          /* ... in parts of the turn */
+#define BIAS_SIGMA 0.1            /* rad/s: a bias beyond three of these is no bias */
+#define REFUTED 4                 /* times the expected misfit */
 #define SUSPECT 2
-#define EXPLAINED 0.15                /* of the reading's energy may stay unexplained */
-#define BETTER 0.25                   /* of the misfit is left by what explains it clearly better */
-#define HINT 0.15                     /* times the expected misfit: worth being explained */
-#define TILT (10 * DEGREE)            /* a mounting that is off by less is no mistake */
-#define TIE 1.3                       /* explanations that leave this times more, and */
-#define TIE_LEAST 0.002               /* of the energy, are the same: the simplest is told */
-#define CLOCKS 5                      /* a delay must be found so many times in a row: one that grows is a pace */
-#define FORCE_SCATTER 0.008            /* of its energy specific force has beside gravity when nothing is wrong */
-#define MEMORY_TURN (360 * DEGREE)    /* older evidence fades */
-#define MEMORY_FORCES 200             /* intervals, the same for specific force */
-#define STUCK_TURN (8 * DEGREE)       /* a constant gyroscope axis while the camera turns about it */
+#define EXPLAINED 0.15      /* of the reading's energy may stay unexplained */
+#define BETTER 0.25         /* of the misfit is left by what explains it clearly better */
+#define HINT 0.15           /* times the expected misfit: worth being explained */
+#define TILT (10 * DEGREE)  /* a mounting that is off by less is no mistake */
+#define TIE 1.3             /* explanations that leave this times more, and */
+#define TIE_LEAST 0.002     /* of the energy, are the same: the simplest is told */
+#define CLOCKS 5            /* a delay must be found so many times in a row: one that grows is a pace */
+#define FORCE_SCATTER 0.008 /* of its energy specific force has beside gravity when nothing is wrong */
+#define MEMORY_TURN (360 * DEGREE)     /* older evidence fades */
+#define FORCES_MOST 30                 /* intervals: by then a wrong accelerometer would have shown */
+#define MEMORY_FORCES 200              /* intervals, the same for specific force */
+#define CONSTANT 10                    /* samples in a row that are the same: more than chance */
+#define STUCK_TURN (8 * DEGREE)        /* a constant gyroscope axis while the camera turns about it */
 #define STUCK_FORCE_TURN (30 * DEGREE) /* a constant accelerometer axis while the camera turns at all */
-#define STAY 4                        /* samples in a row at the largest value: a stay at the limit */
-#define STAYS 3                       /* so many stays make a limit */
-#define LIMIT_GYRO 0.3                /* rad/s, and */
-#define LIMIT_ACCEL 14.0              /* m/s^2: no sensor's range ends below */
+#define STAY 4                         /* samples in a row at the largest value: a stay at the limit */
+#define STAYS 3                        /* so many stays make a limit */
+#define COARSE 0.01f     /* readings in steps of more of their maximum stay there of themselves */
+#define LIMIT_GYRO 0.3   /* rad/s, and */
+#define LIMIT_ACCEL 14.0 /* m/s^2: no sensor's range ends below */
 
 void plausibility_start(plausibility *p, const double mounting[9], double gravity) {
     memset(p, 0, sizeof *p);
@@ -92,7 +94,9 @@ static void watch_axis(plausibility *p, int which, int64_t timestamp_ns, float v
         a->run++;
         return;
     }
-    if (a->run >= STAY && magnitude < a->most && at_limit(a, which < 3 ? LIMIT_GYRO : LIMIT_ACCEL))
+    if (a->run > 0 && (a->step == 0 || fabsf(value - a->value) < a->step)) a->step = fabsf(value - a->value);
+    if (a->run >= STAY && magnitude < a->most && at_limit(a, which < 3 ? LIMIT_GYRO : LIMIT_ACCEL) &&
+        a->step < COARSE * a->most)
         stay_at_limit(p, which, 1);
     if (magnitude > a->most) {
         a->most = magnitude;
@@ -109,7 +113,8 @@ static void judge_units(plausibility *p) {
     double ratio = p->force_length / p->force_seconds / p->gravity;
     static const double usual[] = {1 / 9.80665, 100, 1000}; /* g; milli-g or cm/s^2; mm/s^2 */
     bool sure = p->force_seconds > 1;
-    for (size_t i = 0; i < sizeof usual / sizeof *usual; i++) sure = sure || fabs(log(ratio / usual[i])) < 0.2;
+    for (size_t i = 0; i < sizeof usual / sizeof *usual; i++)
+        sure = sure || fabs(log(ratio / usual[i])) < 0.2;
     if (p->force_seconds < 0.25 || !sure || (ratio > 0.5 && ratio < 2)) return;
     found(&p->accel, FATHOM_IMU_UNITS, ratio, 7);
 }
@@ -123,10 +128,11 @@ void plausibility_sample(plausibility *p, int64_t timestamp_ns, const float gyro
     }
     profile_add(&p->read, timestamp_ns,
                 sqrt((double)gyro[0] * gyro[0] + (double)gyro[1] * gyro[1] + (double)gyro[2] * gyro[2]));
-    if (force && p->samples > 0 && dt > 0 && dt < 0.1 && p->gravity > 1 && p->accel.health < FATHOM_IMU_UNITS) {
+    if (force && p->samples > 0 && dt > 0 && dt < 0.1 && p->gravity > 1 &&
+        p->accel.health < FATHOM_IMU_UNITS) {
         p->force_seconds += dt;
-        p->force_length +=
-            dt * sqrt((double)accel[0] * accel[0] + (double)accel[1] * accel[1] + (double)accel[2] * accel[2]);
+        p->force_length += dt * sqrt((double)accel[0] * accel[0] + (double)accel[1] * accel[1] +
+                                     (double)accel[2] * accel[2]);
         judge_units(p);
         if (p->force_seconds > 4) {
             p->force_seconds /= 2;
@@ -140,7 +146,8 @@ void plausibility_sample(plausibility *p, int64_t timestamp_ns, const float gyro
 /* Both clocks go on at the same pace, however samples are delayed. */
 void plausibility_frame(plausibility *p, int64_t timestamp_ns) {
     if (p->samples == 0) return;
-    if (p->first_newest_ns == INT64_MIN || p->samples == p->samples_then) { /* none has come: nothing to compare */
+    if (p->first_newest_ns == INT64_MIN ||
+        p->samples == p->samples_then) { /* none has come: nothing to compare */
         p->first_newest_ns = p->last_ns;
         p->first_frame_ns = timestamp_ns;
         p->samples_then = p->samples;
@@ -166,7 +173,7 @@ static void judge_constant(plausibility *p, const plausibility_interval *e) {
     for (int i = 0; i < 6; i++) {
         plausibility_axis *a = &p->axis[i];
         int j = (i + 1) % 3, k = (i + 2) % 3;
-        if (a->run < 10 || a->since_ns > e->from_ns) continue;
+        if (a->run < CONSTANT || a->since_ns > e->from_ns) continue;
         if (i < 3) {
             double turn = e->turn[i] * (a->value < 0 ? -1 : 1), read = fabsf(a->value) * seconds;
             if (fabs(turn - read) < 0.3 * fabs(turn)) continue;
@@ -296,7 +303,8 @@ static double correlation(const plausibility *p, double scale, double delay, dou
     double n = 0, x = 0, y = 0, xx = 0, yy = 0, xy = 0, origin = (double)p->origin_ns / BIN_NS;
     for (int64_t k = a->newest - PLAUSIBILITY_BINS + 1; k <= a->newest; k++) {
         int64_t l = (int64_t)floor(origin + scale * ((double)k + 0.5 - origin) + delay * 1e9 / BIN_NS);
-        unsigned i = (unsigned)((uint64_t)k % PLAUSIBILITY_BINS), j = (unsigned)((uint64_t)l % PLAUSIBILITY_BINS);
+        unsigned i = (unsigned)((uint64_t)k % PLAUSIBILITY_BINS),
+                 j = (unsigned)((uint64_t)l % PLAUSIBILITY_BINS);
         if (l > b->newest || l <= b->newest - PLAUSIBILITY_BINS || !a->count[i] || !b->count[j]) continue;
         double u = a->speed[i], v = b->speed[j];
         n++;
@@ -357,13 +365,13 @@ static void judge_gyro(plausibility *p) {
 
     double explained = fmin(m.gg - 2 * t + m.ww, tilt > TILT ? m.gg - 2 * r + m.ww : misfit);
     double suspicion = misfit / p->noise;
-    if (getenv("DBG")) fprintf(stderr, "gyro n %d turned %g susp %g expl %g left %g\n", p->intervals, p->turned/DEGREE, suspicion, explained / misfit, 1 - t * t / scatter);
     bool hint = suspicion > HINT && explained < BETTER * misfit;
     p->suspect = suspicion > SUSPECT || (suspicion > HINT && explained < 2 * BETTER * misfit);
     if (suspicion < REFUTED && !hint) {
         if (!p->suspect && f->health == FATHOM_IMU_UNCHECKED) f->health = FATHOM_IMU_GOOD;
         return;
     }
+    if (f->health == FATHOM_IMU_SATURATED) return; /* that explains it, and it is right between its limits */
 
     if (m.gg < 0.1 * m.ww) { /* next to nothing: noise hides the axes */
         if (!plenty) return;
@@ -451,7 +459,6 @@ static bool judge_axes(plausibility *p) {
         signed_permutation(k, map);
         best = fmin(best, scatter_with(p, map));
     }
-    if (getenv("DBG")) fprintf(stderr, "axes n %d now %g best %g\n", p->forced, now, best);
     if (now < FORCE_SCATTER || best > BETTER * now) return best > 2 * BETTER * now;
     for (int k = 1; k < 48; k++) {
         int complexity = signed_permutation(k, map);
@@ -498,7 +505,6 @@ static void judge_sign(plausibility *p) {
     if (p->changes < PLENTY_INTERVALS || !(ff > 0) || plausibility_bad(&p->accel)) return;
     double slope = fd / ff, left = fmax(dd - slope * fd, 1e-4 * p->changes);
     double sigma = sqrt(left / (3 * p->changes - 4) / ff);
-    if (getenv("DBG")) fprintf(stderr, "sign n %d slope %g sigma %g\n", p->changes, slope, sigma);
     if (sigma > 0.25 * fabs(slope) || fabs(slope) < 0.2) return;
     if (slope < 0)
         found(&p->accel, FATHOM_IMU_SIGN, slope, 7);
@@ -512,7 +518,6 @@ static void add_force(plausibility *p, const plausibility_interval *e) {
             for (int l = 0; l < 3; l++)
                 p->tensor[9 * i + 3 * j + l] += e->imu_to_world[3 * i + j] * e->force[l];
     for (int i = 0; i < 3; i++) p->force_squared += e->force[i] * e->force[i];
-    if (getenv("DBG")) { for (int i = 0; i < 3; i++) fprintf(stderr, "%8.3f", e->imu_to_world[3*i]*e->force[0]+e->imu_to_world[3*i+1]*e->force[1]+e->imu_to_world[3*i+2]*e->force[2]); fprintf(stderr, " f %g %g %g up %g %g %g moved %g %g %g\n", e->force[0],e->force[1],e->force[2],e->speed_up[0],e->speed_up[1],e->speed_up[2],e->moved[0],e->moved[1],e->moved[2]); }
     p->forced++;
     if (p->chained && p->before.to_ns == e->from_ns) add_change(p, &p->before, e);
     p->before = *e;
@@ -540,15 +545,16 @@ void plausibility_add(plausibility *p, const plausibility_interval *e) {
     add_force(p, e);
     if (plausibility_bad(&p->accel)) return;
     bool sure = !p->suspect && (p->gyro.health == FATHOM_IMU_GOOD || p->gyro.health == FATHOM_IMU_SATURATED);
+    for (int i = 3; i < 6; i++) sure = sure && p->axis[i].run < CONSTANT;
     if (sure && judge_axes(p)) judge_sign(p); /* else all may be wrong, with the clock */
 }
 
 bool plausibility_doubtful(const plausibility *p, bool translation) {
     if (plausibility_bad(&p->gyro)) return false; /* no doubt at all */
     bool doubt = p->gyro.health == FATHOM_IMU_UNCHECKED || p->suspect;
-    for (int i = 0; i < 3; i++) doubt = doubt || p->axis[i].run >= 10;
+    for (int i = 0; i < 3; i++) doubt = doubt || p->axis[i].run >= CONSTANT;
     bool used = translation && !plausibility_bad(&p->accel);
-    return doubt || (used && p->accel.health == FATHOM_IMU_UNCHECKED);
+    return doubt || (used && p->accel.health == FATHOM_IMU_UNCHECKED && p->forced < FORCES_MOST);
 }
 
 /* ---- words ---------------------------------------------------------------------------------------------------------- */
@@ -588,7 +594,8 @@ static void mounting_text(const plausibility *p, const plausibility_finding *f, 
             for (int k = 0; k < 3; k++) right[3 * i + j] += sign * p->mounting[3 * i + k] * f->map[3 * j + k];
     so3_log(right, w);
     snprintf(text, size,
-             "turned by %.0f degrees from its mounting in the settings%s: try imu_to_camera_rotation %.0f %.0f %.0f "
+             "turned by %.0f degrees from its mounting in the settings%s: try imu_to_camera_rotation %.0f "
+             "%.0f %.0f "
              "(degrees), or run fathom calibrate",
              (*mirrored ? PI - f->angle : f->angle) / DEGREE, mirrored, w[0] / DEGREE, w[1] / DEGREE,
              w[2] / DEGREE);
@@ -608,7 +615,8 @@ void plausibility_describe(const plausibility *p, bool gyro, char *text, size_t 
         break;
     case FATHOM_IMU_UNITS:
         if (!gyro)
-            snprintf(text, size, "the accelerometer reads %.4g where gravity is %.4g m/s^2: it seems to be in %s",
+            snprintf(text, size,
+                     "the accelerometer reads %.4g where gravity is %.4g m/s^2: it seems to be in %s",
                      f->scale * p->gravity, p->gravity,
                      fabs(log(f->scale * 9.80665)) < 0.2 ? "g (or to have gravity taken off)"
                      : fabs(log(f->scale / 100)) < 0.2   ? "milli-g or cm/s^2"
@@ -616,17 +624,19 @@ void plausibility_describe(const plausibility *p, bool gyro, char *text, size_t 
                                                          : "another unit");
         else if (f->scale > 1)
             snprintf(text, size,
-                     "the gyroscope reads %.1f times the turning that the depth frames show: it is in degrees/s, not rad/s",
+                     "the gyroscope reads %.1f times the turning that the depth frames show: it is in "
+                     "degrees/s, not rad/s",
                      f->scale);
         else
             snprintf(text, size,
-                     "the gyroscope reads %.4f times the turning that the depth frames show: rad/s seem to have been "
+                     "the gyroscope reads %.4f times the turning that the depth frames show: rad/s seem to "
+                     "have been "
                      "taken for degrees/s",
                      f->scale);
         break;
     case FATHOM_IMU_SCALE:
-        snprintf(text, size, "%s reads %.3g times what the depth frames show: check its range setting", sensor,
-                 f->scale);
+        snprintf(text, size, "%s reads %.3g times what the depth frames show: check its range setting",
+                 sensor, f->scale);
         break;
     case FATHOM_IMU_AXES:
         map_text(f->map, words, sizeof words);
@@ -637,25 +647,28 @@ void plausibility_describe(const plausibility *p, bool gyro, char *text, size_t 
         snprintf(text, size, "%s is %s", sensor, words);
         break;
     case FATHOM_IMU_SIGN:
-        snprintf(text, size, gyro ? "%s has the opposite sign in all axes"
-                                  : "%s has the opposite sign: specific force at rest is +9.8 along up",
+        snprintf(text, size,
+                 gyro ? "%s has the opposite sign in all axes"
+                      : "%s has the opposite sign: specific force at rest is +9.8 along up",
                  sensor);
         break;
     case FATHOM_IMU_CLOCK:
         if (fabs(log(f->scale)) > 0.1)
             snprintf(text, size,
-                     "the IMU's stamps run %.3g times as fast as the depth frames': check their unit and the sample "
+                     "the IMU's stamps run %.3g times as fast as the depth frames': check their unit and the "
+                     "sample "
                      "rate (by its stamps %.4g Hz)",
                      f->scale, rate);
         else
             snprintf(text, size,
-                     "the IMU's stamps are %.2f s too %s for the depth frames: change imu_clock_offset by %+.2f s, or "
+                     "the IMU's stamps are %.2f s too %s for the depth frames: change imu_clock_offset by "
+                     "%+.2f s, or "
                      "run fathom calibrate",
                      fabs(f->delay), f->delay > 0 ? "late" : "early", -f->delay);
         break;
     case FATHOM_IMU_STUCK:
-        snprintf(text, size, "%s is stuck in %s at %.4g %s while the camera turns", sensor, axes_text(f->axes),
-                 f->scale, unit);
+        snprintf(text, size, "%s is stuck in %s at %.4g %s while the camera turns", sensor,
+                 axes_text(f->axes), f->scale, unit);
         break;
     case FATHOM_IMU_UNRELATED:
         snprintf(text, size, "%s doesn't follow the turning that the depth frames show", sensor);

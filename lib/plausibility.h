@@ -32,21 +32,22 @@ typedef struct {
 /* What was found of one sensor, with the numbers that the warning tells. */
 typedef struct {
     fathom_imu_health health;
-    double scale;   /* reading over what it should be; stamps' time over true time; the limit of saturation */
-    double delay;   /* seconds that stamps come late */
-    double angle;   /* radians between the true mounting and the one in the settings */
-    double map[9];  /* row-major: reading = scale * map * true value; signed permutation or orthogonal */
-    int axes;       /* the axes concerned, a bit each */
+    double scale;  /* reading over what it should be; stamps' time over true time; the limit of saturation */
+    double delay;  /* seconds that stamps come late */
+    double angle;  /* radians between the true mounting and the one in the settings */
+    double map[9]; /* row-major: reading = scale * map * true value; signed permutation or orthogonal */
+    int axes;      /* the axes concerned, a bit each */
 } plausibility_finding;
 
 /* One axis of one sensor. */
 typedef struct {
-    float value;        /* the last one */
-    int64_t since_ns;   /* since when it has been that */
-    int run;            /* so many samples */
-    double turned;      /* radians that the camera turned meanwhile in a way that the axis should show */
-    float most;         /* the largest magnitude so far */
-    int stays;          /* how often it stayed there for some samples, and left */
+    float value;      /* the last one */
+    int64_t since_ns; /* since when it has been that */
+    int run;          /* so many samples */
+    double turned;    /* radians that the camera turned meanwhile in a way that the axis should show */
+    float most;       /* the largest magnitude so far */
+    float step;       /* the smallest change so far */
+    int stays;        /* how often it stayed there for some samples, and left */
 } plausibility_axis;
 
 /* Mean speed of turning in bins of 50 ms, the latest PLAUSIBILITY_BINS. */

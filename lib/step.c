@@ -6,8 +6,6 @@
  *     else:         M = M * d
  */
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -158,7 +156,6 @@ static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose
     int pixels = other.overlap > icp->overlap ? other.overlap : icp->overlap;
     bool better = r->verdict != FATHOM_VERDICT_TRACKING ||
                   misfit(&f->config, &other, pixels) < 0.95 * misfit(&f->config, icp, pixels);
-    if (getenv("DBG")) { pose ap = pose_between(&icp->motion, &other.motion); fprintf(stderr, "%.2f A v%d misfit %.3g cond %.2g ov %d pairs %d rot %.2f; B v%d misfit %.3g cond %.2g ov %d pairs %d rot %.2f innov %.2f; apart %.2f deg %.4f m %s\n", 1e-9*r->timestamp_ns, r->verdict, misfit(&f->config, icp,pixels)*1e6/pixels, icp->condition, icp->overlap, icp->pairs, r->prior_rotation_rad*57.3, o.verdict, misfit(&f->config,&other,pixels)*1e6/pixels, other.condition, other.overlap, other.pairs, o.prior_rotation_rad*57.3, o.innovation_sigmas, pose_angle(&ap)*57.3, pose_distance(&ap), better ? "B" : "A"); }
     if (o.verdict != FATHOM_VERDICT_TRACKING || !better) return;
     *icp = other;
     *r = o;
