@@ -9,7 +9,9 @@
 #define INTERVAL_MOST_NS 700000000
 #define INTERVAL_TURN 1.0  /* rad: beyond, the integral of the rate isn't the rotation vector any more */
 #define GUESS_NS 300000000 /* a hand's velocity is no guess for longer */
-#define SAME_RAD 0.003     /* seeds that agree to within these lead alignment to the same place */
+#define START_TURN 1.0     /* rad/s and m/s: a hand at the first frame */
+#define START_SPEED 0.5
+#define SAME_RAD 0.003 /* seeds that agree to within these lead alignment to the same place */
 #define SAME_M 0.002
 
 void inertial_check_reset(inertial *n) {
@@ -149,20 +151,23 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
 bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess,
                            double covariance[36]) {
     const fathom_config *c = n->config;
-    if (!c->imu_check || !n->usable || n->count < 2 || !n->moving || c->inertial_hook) return false;
+    if (!c->imu_check || !n->usable || n->count < 2 || n->accepted_ns == INT64_MIN || c->inertial_hook)
+        return false;
     if (!plausibility_doubtful(&n->check, n->force_usable && isfinite(sample(n, n->count - 1)->accel[0])) ||
         timestamp_ns - n->accepted_ns > GUESS_NS)
         return false;
     double dt = 1e-9 * (double)(timestamp_ns - n->accepted_ns), twist[6] = {0};
-    for (int k = 0; k < 3; k++) twist[k] = n->turning[k] * dt;
+    for (int k = 0; n->moving && k < 3; k++) twist[k] = n->turning[k] * dt;
     pose turned = pose_exp(twist);
     *guess = pose_multiply(&n->accepted, &turned);
-    for (int k = 0; k < 3; k++) guess->t[k] = n->accepted.t[k] + n->velocity[k] * dt;
+    for (int k = 0; n->moving && k < 3; k++) guess->t[k] += n->velocity[k] * dt;
     pose apart = pose_between(seed, guess);
     if (pose_angle(&apart) < SAME_RAD && pose_distance(&apart) < SAME_M) return false;
+    double turning = n->moving ? c->motion_turn_sigma * dt : START_TURN; /* what the rates may be off by */
+    double speed = n->moving ? c->motion_accel_sigma * dt : START_SPEED;
     memset(covariance, 0, 36 * sizeof *covariance);
     for (int k = 0; k < 6; k++)
-        covariance[7 * k] = k < 3 ? pow(c->seed_floor_rad, 2) + pow(c->motion_turn_sigma * dt * dt, 2)
-                                  : pow(c->seed_floor_m, 2) + pow(c->motion_accel_sigma * dt * dt, 2);
+        covariance[7 * k] = k < 3 ? pow(c->seed_floor_rad, 2) + pow(turning * dt, 2)
+                                  : pow(c->seed_floor_m, 2) + pow(speed * dt, 2);
     return true;
 }

@@ -15,6 +15,8 @@
 #define ENOUGH_INTERVALS 6
 #define PLENTY_TURN (60 * DEGREE) /* for what is told apart less easily */
 #define PLENTY_INTERVALS 15
+#define AMPLE_TURN (90 * DEGREE) /* for what is said when nothing else explains it */
+#define AMPLE_INTERVALS 25
 #define TURN_NOISE (0.3 * DEGREE) /* turning that alignment sees where there is none */
 #define INTERVAL_NOISE 0.01       /* rad: misfit of a good rig over an interval, and ... */
 #define SCALE_NOISE 0.05          /* ... in parts of the turn */
@@ -27,6 +29,8 @@
 #define TILT (10 * DEGREE)  /* a mounting that is off by less is no mistake */
 #define TIE 1.3             /* explanations that leave this times more, and */
 #define TIE_LEAST 0.002     /* of the energy, are the same: the simplest is told */
+#define PACE_SECONDS 1.5    /* a stretch to compare the clocks' paces over */
+#define PACES 3             /* so many odd ones in a row */
 #define CLOCKS 5            /* a delay must be found so many times in a row: one that grows is a pace */
 #define FORCE_SCATTER 0.008 /* of its energy specific force has beside gravity when nothing is wrong */
 #define MEMORY_TURN (360 * DEGREE)     /* older evidence fades */
@@ -45,7 +49,6 @@ void plausibility_start(plausibility *p, const double mounting[9], double gravit
     memset(p, 0, sizeof *p);
     memcpy(p->mounting, mounting, sizeof p->mounting);
     p->gravity = gravity;
-    p->first_newest_ns = INT64_MIN;
 }
 
 bool plausibility_bad(const plausibility_finding *f) {
@@ -64,7 +67,6 @@ static void found(plausibility_finding *f, fathom_imu_health health, double scal
 static void profile_add(plausibility_profile *q, int64_t timestamp_ns, double speed) {
     int64_t bin = timestamp_ns / BIN_NS;
     if (q->newest == 0 || bin > q->newest + PLAUSIBILITY_BINS || bin + PLAUSIBILITY_BINS <= q->newest) {
-        if (bin < q->newest) return;
         memset(q->count, 0, sizeof q->count);
         q->newest = bin;
     }
@@ -143,23 +145,20 @@ void plausibility_sample(plausibility *p, int64_t timestamp_ns, const float gyro
     p->last_ns = timestamp_ns;
 }
 
-/* Both clocks go on at the same pace, however samples are delayed. */
+/* Both clocks go on at the same pace, however samples are delayed. One stretch that is odd is a jump, or a delivery in
+ * bursts; several in a row are a pace. */
 void plausibility_frame(plausibility *p, int64_t timestamp_ns) {
     if (p->samples == 0) return;
-    if (p->first_newest_ns == INT64_MIN ||
-        p->samples == p->samples_then) { /* none has come: nothing to compare */
-        p->first_newest_ns = p->last_ns;
-        p->first_frame_ns = timestamp_ns;
-        p->samples_then = p->samples;
-        return;
-    }
-    double frames = 1e-9 * (double)(timestamp_ns - p->first_frame_ns);
-    double samples = 1e-9 * (double)(p->last_ns - p->first_newest_ns);
+    bool none = p->samples == p->samples_then; /* nothing has come: nothing to compare */
+    double frames = 1e-9 * (double)(timestamp_ns - p->pace_frame_ns);
+    double samples = 1e-9 * (double)(p->last_ns - p->pace_sample_ns);
+    bool begun = p->samples_then > 0 && !none;
     p->samples_then = p->samples;
-    if (frames < 2) return;
-    bool odd = fabs(samples - frames) > fmax(1, 0.3 * frames);
-    p->odd_frames = odd ? p->odd_frames + 1 : 0;
-    if (p->odd_frames >= 15) found(&p->gyro, FATHOM_IMU_CLOCK, samples / frames, 7);
+    if (begun && frames < PACE_SECONDS) return;
+    p->odd_paces = begun && fabs(log(fmax(samples, 1e-6) / frames)) > 0.35 ? p->odd_paces + 1 : 0;
+    if (p->odd_paces >= PACES) found(&p->gyro, FATHOM_IMU_CLOCK, samples / frames, 7);
+    p->pace_frame_ns = timestamp_ns;
+    p->pace_sample_ns = p->last_ns;
 }
 
 /* ---- the gyroscope against alignment's turning --------------------------------------------------------------------- */
@@ -373,9 +372,8 @@ static void judge_gyro(plausibility *p) {
     }
     if (f->health == FATHOM_IMU_SATURATED) return; /* that explains it, and it is right between its limits */
 
-    if (m.gg < 0.1 * m.ww) { /* next to nothing: noise hides the axes */
-        if (!plenty) return;
-        found(f, fabs(log(57.3 * same / m.ww)) < 0.4 ? FATHOM_IMU_UNITS : FATHOM_IMU_SCALE, same / m.ww, 7);
+    if (m.gg < 0.1 * m.ww && same > 0 && fabs(log(57.3 * same / m.ww)) < 0.4) { /* its noise hides the axes */
+        if (plenty) found(f, FATHOM_IMU_UNITS, same / m.ww, 7);
         return;
     }
     double left = 1 - t * t / scatter, left_turned = 1 - r * r / scatter; /* of the reading's energy */
@@ -395,7 +393,7 @@ static void judge_gyro(plausibility *p) {
                         : FATHOM_IMU_AXES,
               scale, 7);
         memcpy(f->map, map, sizeof map);
-    } else if (plenty && !find_clock(p)) {
+    } else if (plenty && !find_clock(p) && p->intervals >= AMPLE_INTERVALS && p->turned > AMPLE_TURN) {
         found(f, left < EXPLAINED && identity ? FATHOM_IMU_SCALE : FATHOM_IMU_UNRELATED, scale, 7);
         memcpy(f->map, map, sizeof map);
     }

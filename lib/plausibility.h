@@ -85,8 +85,8 @@ typedef struct {
     double d_d, f_f, f_d, f_t[3], d_t[3], change_tt;
 
     /* stamps against the depth clock */
-    int64_t first_newest_ns, first_frame_ns, samples_then;
-    int odd_frames;
+    int64_t pace_sample_ns, pace_frame_ns, samples_then;
+    int odd_paces;
 } plausibility;
 
 void plausibility_start(plausibility *p, const double mounting[9], double gravity);
