@@ -36,6 +36,7 @@ typedef struct {
     double delay;  /* seconds that stamps come late */
     double angle;  /* radians between the true mounting and the one in the settings */
     double map[9]; /* row-major: reading = scale * map * true value; signed permutation or orthogonal */
+    bool mirrored; /* map is no rotation */
     int axes;      /* the axes concerned, a bit each */
 } plausibility_finding;
 

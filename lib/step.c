@@ -148,11 +148,13 @@ static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose
     double covariance[36];
     alignment other;
     fathom_result o = *r;
-    if (!inertial_second_guess(&f->inertial, seed, r->timestamp_ns, &guess, covariance)) return;
+    if (r->verdict == FATHOM_VERDICT_NO_DEPTH ||
+        !inertial_second_guess(&f->inertial, seed, r->timestamp_ns, &guess, covariance))
+        return;
     attempt(f, scan, &guess, covariance, false, &other, &o);
-    o.ms_align += r->ms_align;
-    o.ms_raycast += r->ms_raycast;
-    o.iterations += r->iterations;
+    o.ms_align = r->ms_align += o.ms_align;
+    o.ms_raycast = r->ms_raycast += o.ms_raycast;
+    o.iterations = r->iterations += o.iterations;
     int pixels = other.overlap > icp->overlap ? other.overlap : icp->overlap;
     bool better = r->verdict != FATHOM_VERDICT_TRACKING ||
                   misfit(&f->config, &other, pixels) < 0.95 * misfit(&f->config, icp, pixels);
