@@ -148,7 +148,8 @@ static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose
     double covariance[36];
     alignment other;
     fathom_result o = *r;
-    if (r->verdict == FATHOM_VERDICT_NO_DEPTH ||
+    bool agreed = r->verdict == FATHOM_VERDICT_TRACKING && r->innovation_sigmas < 0.5; /* the seed was right */
+    if (agreed || r->verdict == FATHOM_VERDICT_NO_DEPTH ||
         !inertial_second_guess(&f->inertial, seed, r->timestamp_ns, &guess, covariance))
         return;
     attempt(f, scan, &guess, covariance, false, &other, &o);
