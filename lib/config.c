@@ -37,7 +37,7 @@ fathom_config fathom_config_default(void) {
     c.voxel_m = 0.01f;
     c.max_weight = 100;
     c.memory_cap_bytes = (int64_t)128 << 20;
-    c.imu = c.imu_translation = true;
+    c.imu = c.imu_translation = c.imu_check = true;
     c.imu_to_camera_rotation[0] = c.imu_to_camera_rotation[4] = c.imu_to_camera_rotation[8] = 1;
     c.gravity = 9.80665f;
     c.gyro_noise = 5e-3f;

@@ -42,6 +42,12 @@ const char *fathom_verdict_name(fathom_verdict verdict) {
     return (unsigned)verdict < 7 ? names[verdict] : "unknown";
 }
 
+const char *fathom_imu_health_name(fathom_imu_health health) {
+    static const char *const names[] = {"unchecked", "good", "saturated", "units", "scale",    "axes",
+                                        "mounting",  "sign", "clock",     "stuck", "unrelated"};
+    return (unsigned)health < 11 ? names[health] : "unknown";
+}
+
 /* ---- layout ------------------------------------------------------------------------------------------------------------- */
 
 /* Lays all parts out: only counts while the device isn't open and the arena has no base. */

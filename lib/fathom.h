@@ -99,6 +99,27 @@ typedef struct {
     float covariance[36]; /* row-major 6x6, rotation then translation, in the later camera's axes */
 } fathom_motion;
 
+/* What is known of a gyroscope or an accelerometer, found out while scanning: by its samples alone, and by comparing them
+ * with the motion of well-aligned frames. From FATHOM_IMU_UNITS on the sensor can't be used, and isn't any more (until
+ * fathom_reset): without the gyroscope the scan goes on without the IMU, without the accelerometer with rotation only (as
+ * with imu_translation false). A warning in the log names the mistake with its numbers, once. */
+typedef enum {
+    FATHOM_IMU_UNCHECKED = 0, /* too few samples or too little motion so far (20 degrees of turning, for a gyroscope) */
+    FATHOM_IMU_GOOD = 1,      /* agrees with the depth frames; still watched */
+    FATHOM_IMU_SATURATED = 2, /* readings stop at a limit: the range is too small for the motion. Still used */
+    FATHOM_IMU_UNITS = 3,     /* degrees/s for rad/s, g for m/s^2 and the like */
+    FATHOM_IMU_SCALE = 4,     /* another factor */
+    FATHOM_IMU_AXES = 5,      /* axes swapped or mirrored: no rotation explains it */
+    FATHOM_IMU_MOUNTING = 6,  /* a rotation does: imu_to_camera_rotation is wrong */
+    FATHOM_IMU_SIGN = 7,      /* the opposite sign in all axes; an accelerometer that points along gravity */
+    FATHOM_IMU_CLOCK = 8,     /* stamps that are off by tenths of a second or more, or run too fast or too slow */
+    FATHOM_IMU_STUCK = 9,     /* an axis says the same all the time while the camera turns */
+    FATHOM_IMU_UNRELATED = 10 /* readings that don't follow the motion in any of these ways */
+} fathom_imu_health;
+
+/* "unchecked", "good", "saturated", "units", ... Never NULL; static storage. Any thread. */
+FATHOM_API const char *fathom_imu_health_name(fathom_imu_health health);
+
 /* The caller's own InertialEstimate: fills *motion for the camera's way from from_ns to to_ns (depth clock). Returns
  * FATHOM_OK, or FATHOM_ERROR_NO_DATA when it can't say (then the library's own estimate is used, as when what it gave is
  * not finite or not rigid). Called on the stepping thread from within fathom_step. */
@@ -178,6 +199,9 @@ typedef struct {
     /* inertial sensor (Section 3) */
     bool imu;                      /* use inertial samples. Default true; without samples it does no harm */
     bool imu_translation;          /* use the accelerometer (else translation goes on at constant velocity). Default true */
+    bool imu_check;                /* compare the IMU with the depth frames' motion and stop using it when it is wrong
+                                      (fathom_imu_health). Until it is known to be right, alignment is also tried from the
+                                      last velocity. Default true */
     float imu_to_camera_rotation[9];    /* row-major: v_camera = R v_imu. Default identity */
     float imu_to_camera_translation[3]; /* the IMU's origin in camera axes, metres. Default zero */
     int64_t imu_clock_offset_ns;   /* added to an IMU stamp to get the depth clock. Default 0 */
@@ -315,6 +339,7 @@ typedef struct {
     bool fused;                /* the frame went into the surface */
     bool pool_full;            /* some of the surface had no room left in the pool (tracking goes on) */
     int blocks;                /* blocks in use */
+    fathom_imu_health gyro_health, accel_health; /* of the inertial sensor so far */
     float ms_maps, ms_align, ms_fuse, ms_raycast, ms_total; /* wall time of the stages */
 } fathom_result;
 

@@ -81,6 +81,7 @@ void inertial_reset(inertial *n) {
     n->gyro_error = n->turn_error = 0;
     n->against = 0;
     n->clocks = (clock_watch){0};
+    inertial_check_reset(n);
 }
 
 /* No sensor's value. False for NaN, which may be an accelerometer that isn't there. */
@@ -218,6 +219,7 @@ static void take(inertial *n, const fathom_imu_sample *raw) {
             s.gyro[i] += n->rotation[3 * i + j] * raw->gyro[j];
             s.accel[i] += n->rotation[3 * i + j] * raw->accel[j];
         }
+    plausibility_sample(&n->check, s.timestamp_ns, raw->gyro, raw->accel);
     if (n->doubtful) {
         n->doubtful = false;
         if (sudden(&n->doubt, &s))
@@ -287,7 +289,7 @@ static void sample_between(inertial *n, int64_t t, int i, double gyro[3], double
 /* One stretch between neighbouring samples, or without any: i is find_sample(early). forward: from early to late. */
 static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int i, bool forward) {
     const fathom_config *c = n->config;
-    bool imu = c->imu && n->count > 1 && !n->doubted;
+    bool imu = n->usable && n->count > 1 && !n->doubted;
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
     navigator_noise noise = {
@@ -322,7 +324,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
         noise.turn = c->motion_turn_sigma * sqrt(pow(age + dt, 4) - pow(age, 4));
         if (n->running) coast = fmin(dt, fmax(COAST_SECONDS - age, 0));
     }
-    bool force = covered && c->imu_translation && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
+    bool force = covered && n->force_usable && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
     if (covered) noise.gyro *= fmax(n->mismatch, MISMATCH_GYRO);
     if (force) noise.accel = c->accel_noise * n->mismatch;
     navigator ahead = *s;
@@ -366,7 +368,7 @@ static void rest(inertial *n, navigator *s, int64_t timestamp_ns) {
 
 int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_motion *out) {
     const fathom_config *c = n->config;
-    if (!n->running && !(c->imu && n->count > 1)) return FATHOM_ERROR_NO_DATA;
+    if (!n->running && !(n->usable && n->count > 1)) return FATHOM_ERROR_NO_DATA;
     int64_t early = from_ns < to_ns ? from_ns : to_ns, late = from_ns < to_ns ? to_ns : from_ns;
     navigator whole, s;
     if (n->running)
@@ -497,7 +499,7 @@ static void correct(inertial *n, const pose *accepted, const double information[
     navigator before = n->state;
     travel(n, &n->state, timestamp_ns);
     double misfit = navigator_misfit(&n->state, n->lever, accepted, information, pull, floor_rad, floor_m);
-    if (misfit >= 0 && c->imu && n->count > 1) {
+    if (misfit >= 0 && n->usable && n->count > 1) {
         double factor = misfit > MISMATCH_JUMP ? sqrt(misfit / 2) : exp(0.5 * MISMATCH_RATE * (misfit - 1));
         n->mismatch = fmin(fmax(n->mismatch * factor, MISMATCH_LEAST), MISMATCH_MOST);
         if (misfit > MISMATCH_JUMP) {

@@ -9,6 +9,7 @@
 #include "clock_watch.h"
 #include "fathom.h"
 #include "navigator.h"
+#include "plausibility.h"
 #include "pose.h"
 
 /* A sample on the depth clock, in camera axes. */
@@ -58,6 +59,14 @@ typedef struct {
     int64_t watched;        /* samples that had been accepted at the last frame */
     inertial_stillness stillness;
     fathom_counters counters;
+    /* lib/inertial_check.c's */
+    bool usable, force_usable; /* as the settings say, unless found to be wrong */
+    plausibility check;
+    fathom_imu_health told[2]; /* what the log knows of gyroscope and accelerometer */
+    pose base, accepted;       /* the start of the interval at hand; the last accepted pose */
+    int64_t base_ns, accepted_ns; /* INT64_MIN: none */
+    double velocity[3];        /* m/s, world, from the last two accepted poses */
+    bool moving;               /* that is known */
 } inertial;
 
 typedef struct {
@@ -90,5 +99,14 @@ void inertial_advance(inertial *n, int64_t timestamp_ns);
  * navigator_correct. */
 void inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
                       int64_t timestamp_ns);
+
+/* lib/inertial_check.c: is the IMU what the settings say? A frame's pose by alignment; NULL: none to be trusted in all
+ * directions. accepted: it is the frame's pose. Warns, and stops using what is wrong. */
+void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns);
+void inertial_check_reset(inertial *n);
+
+/* While the IMU isn't known to be right: where the camera would be if it had kept the velocity of the accepted poses. False
+ * when there is no need for that (seed: where it is by inertia) or no such velocity. */
+bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess, double covariance[36]);
 
 #endif

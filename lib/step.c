@@ -119,6 +119,56 @@ static bool has_depth(const fathom_config *c, const fathom_depth_frame *scan) {
     return valid >= pixels / 100;
 }
 
+/* Aligns from a seed, and judges. */
+static void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
+                    bool seeded, alignment *icp, fathom_result *r) {
+    const fathom_config *c = &f->config;
+    double twist[6];
+    r->seeded = seeded;
+    align_scan(f, seed, predicted, seeded ? c->seeded_iterations : c->iterations, icp, r);
+    report_alignment(icp, r);
+    pose correction = pose_between(seed, &icp->motion);
+    pose_log(&correction, twist);
+    r->prior_rotation_rad = (float)pose_angle(&correction);
+    r->prior_translation_m = (float)pose_distance(&correction);
+    double gate[36]; /* inertia may be better than its floors, or just seem so */
+    memcpy(gate, predicted, sizeof gate);
+    for (int i = 0; i < 6; i++)
+        gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
+    r->innovation_sigmas = (float)covariance_mahalanobis(gate, twist);
+    r->verdict = has_depth(c, scan) ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
+}
+
+/* Squared distances summed; of `pixels` that could have pairs, those without are far. */
+static double misfit(const fathom_config *c, const alignment *a, int pixels) {
+    return a->pairs * a->rms * a->rms + (pixels - a->pairs) * c->max_rms_m * c->max_rms_m;
+}
+
+/* While the IMU isn't known to be right, the frame is aligned from the last velocity too, and what fits the surface clearly
+ * better is taken. */
+static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, alignment *icp,
+                           fathom_result *r) {
+    pose guess;
+    double covariance[36];
+    alignment other;
+    fathom_result o = *r;
+    bool agreed =
+        r->verdict == FATHOM_VERDICT_TRACKING && r->innovation_sigmas < 0.5; /* the seed was right */
+    if (agreed || r->verdict == FATHOM_VERDICT_NO_DEPTH ||
+        !inertial_second_guess(&f->inertial, seed, r->timestamp_ns, &guess, covariance))
+        return;
+    attempt(f, scan, &guess, covariance, false, &other, &o);
+    o.ms_align = r->ms_align += o.ms_align;
+    o.ms_raycast = r->ms_raycast += o.ms_raycast;
+    o.iterations = r->iterations += o.iterations;
+    int pixels = other.overlap > icp->overlap ? other.overlap : icp->overlap;
+    bool better = r->verdict != FATHOM_VERDICT_TRACKING ||
+                  misfit(&f->config, &other, pixels) < 0.95 * misfit(&f->config, icp, pixels);
+    if (o.verdict != FATHOM_VERDICT_TRACKING || !better) return;
+    *icp = other;
+    *r = o;
+}
+
 static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     if (f->paused) { /* there is nothing to align with, and nothing may be fused */
         r->state = FATHOM_RECKONED;
@@ -132,6 +182,7 @@ static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result 
     if (!f->started) return;
     keep_as_reference(f, &f->pose);
     inertial_correct(&f->inertial, &f->pose, NULL, NULL, r->timestamp_ns);
+    inertial_check(&f->inertial, &f->pose, true, r->timestamp_ns);
     memset(f->covariance, 0, sizeof f->covariance);
     for (int i = 0; i < 6; i++) f->covariance[7 * i] = 1e-10; /* the first frame is the world */
 }
@@ -141,22 +192,9 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
     inertial_motion d = inertial_seed(f, f->timestamp_ns, r->timestamp_ns);
     pose seed = pose_multiply(&f->pose, &d.motion);
     const double *predicted = d.pose_covariance;
-    double twist[6];
-    r->seeded = position_sigma(predicted) < c->seeded_sigma_m;
-    const int *budget = r->seeded ? c->seeded_iterations : c->iterations;
     alignment icp;
-    align_scan(f, &seed, predicted, budget, &icp, r);
-    report_alignment(&icp, r);
-    pose correction = pose_between(&seed, &icp.motion);
-    pose_log(&correction, twist);
-    r->prior_rotation_rad = (float)pose_angle(&correction);
-    r->prior_translation_m = (float)pose_distance(&correction);
-    double gate[36];
-    memcpy(gate, predicted, sizeof gate);
-    for (int i = 0; i < 6; i++)
-        gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
-    r->innovation_sigmas = (float)covariance_mahalanobis(gate, twist);
-    r->verdict = has_depth(c, scan) ? judge(c, &icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
+    attempt(f, scan, &seed, predicted, position_sigma(predicted) < c->seeded_sigma_m, &icp, r);
+    second_attempt(f, scan, &seed, &icp, r);
 
     if (r->verdict == FATHOM_VERDICT_TRACKING) {
         f->pose = icp.motion;
@@ -171,6 +209,10 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
         inertial_advance(&f->inertial, r->timestamp_ns);
         r->state = position_sigma(predicted) > c->lost_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
     }
+    /* a pose that geometry alone has settled is evidence, whatever inertia thinks of it */
+    bool tracked = r->state == FATHOM_TRACKED, settled = tracked || r->verdict == FATHOM_VERDICT_INNOVATION;
+    settled = settled && icp.condition < 0.5 * c->max_condition;
+    inertial_check(&f->inertial, settled ? &icp.motion : NULL, tracked, r->timestamp_ns);
 }
 
 void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
@@ -192,6 +234,8 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     pose_to_matrix(&f->pose, r->pose);
     for (int i = 0; i < 36; i++) r->covariance[i] = (float)f->covariance[i];
     r->blocks = f->volume.count;
+    r->gyro_health = f->inertial.check.gyro.health;
+    r->accel_health = f->inertial.check.accel.health;
     r->ms_total = (float)(now_ms() - start);
     f->result = *r;
 }
