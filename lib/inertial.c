@@ -484,7 +484,7 @@ static void doubt(inertial *n, const pose *accepted, int64_t timestamp_ns) {
                      : n->against > 1 && n->gyro_error > fmax(much, 4 * n->turn_error);
     if (n->doubted == was) return;
     n->counters.imu_doubts += n->doubted;
-    device_log(n->config, FATHOM_LOG_WARNING,
+    device_log(n->config, FATHOM_LOG_INFO,
                n->doubted
                    ? "the gyroscope contradicts the poses: the scan goes on without the IMU until they agree"
                    : "gyroscope and poses agree again");
