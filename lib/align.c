@@ -32,17 +32,18 @@ float align_reach(const aligner *a, int coarsest, double seed_sigma_m) {
     return (float)pair_distance(a, coarsest, seed_sigma_m);
 }
 
-/* Section 2: one reduction over all pixels of a level. */
-static void reduce(aligner *a, device *d, depth_maps *maps, int level, const pose *motion, double distance,
-                   const double centre[3], normal_equations *e) {
+void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose *motion,
+                  const device_buffer *model, const kernel_camera *model_camera, double distance,
+                  double huber_m, const double centre[3], normal_equations *e) {
     const fathom_config *c = a->config;
     const kernel_camera *camera = &maps->camera[level];
-    kernel_pair_limits limits = {(cl_float)(distance * distance), cosf(c->pair_angle_rad), c->huber_m, {{0}}};
+    kernel_pair_limits limits = {
+        (cl_float)(distance * distance), cosf(c->pair_angle_rad), (cl_float)huber_m, {{0}}};
     for (int i = 0; i < 3; i++) limits.centre.s[i] = (cl_float)centre[i];
     kernel_rigid rigid = kernel_rigid_of(motion);
     RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group,
-        ARG(maps->depth[level].memory), ARG(maps->normals[level].memory), ARG(*camera),
-        ARG(a->model[level].memory), ARG(*camera), ARG(rigid), ARG(limits), ARG(a->sums.memory));
+        ARG(maps->depth[level].memory), ARG(maps->normals[level].memory), ARG(*camera), ARG(model->memory),
+        ARG(*model_camera), ARG(rigid), ARG(limits), ARG(a->sums.memory));
     memset(e, 0, sizeof *e);
     for (int i = 0; i < 3; i++) e->centre[i] = limits.centre.s[i];
     float *sums = device_map(d, &a->sums, CL_MAP_READ);
@@ -103,7 +104,8 @@ void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, cons
             normal_equations e;
             solution s;
             solve_prior prior;
-            reduce(a, d, maps, level, &result->motion, pair_distance(a, level, seed->sigma_m), centre, &e);
+            align_reduce(a, d, maps, level, &result->motion, &a->model[level], &maps->camera[level],
+                         pair_distance(a, level, seed->sigma_m), c->huber_m, centre, &e);
             result->iterations++;
             result->level = level;
             result->pairs = (int)e.pairs;

@@ -30,10 +30,15 @@ fathom_config fathom_config_default(void) {
     c.pair_angle_rad = 0.7f;
     c.huber_m = 0.003f;
     c.stop_rotation_rad = c.stop_translation_m = c.stop_error_fall = 1e-4f;
-    c.min_overlap = 0.35f;
-    c.max_rms_m = 0.02f;
+    c.min_overlap = 0.5f;
+    c.max_rms_m = 0.01f;
     c.max_condition = 22;
     c.max_innovation_sigmas = 6;
+    c.min_agreement = 0.88f;
+    c.max_see_through = 0.02f;
+    c.agreement_m = 0.03f;
+    c.max_sigma_m = 0.04f;
+    c.max_sigma_rad = 0.03f;
     c.voxel_m = 0.01f;
     c.max_weight = 100;
     c.memory_cap_bytes = (int64_t)128 << 20;
@@ -110,6 +115,11 @@ int config_check(const fathom_config *c) {
         {"max_rms_m", c->max_rms_m, 1e-6, 1e9},
         {"max_condition", c->max_condition, 1, 1e30},
         {"max_innovation_sigmas", c->max_innovation_sigmas, 0.1, 1e30},
+        {"min_agreement", c->min_agreement, 0, 1},
+        {"max_see_through", c->max_see_through, 0, 1},
+        {"agreement_m", c->agreement_m, 1e-4, 100},
+        {"max_sigma_m", c->max_sigma_m, 1e-4, 1000},
+        {"max_sigma_rad", c->max_sigma_rad, 1e-4, 1000},
         {"voxel_m", c->voxel_m, 0.001, 1},
         {"truncation_m", c->truncation_m, 0, 10},
         {"blocks", c->blocks == 0 ? CONFIG_BLOCKS_LEAST : c->blocks, CONFIG_BLOCKS_LEAST, CONFIG_BLOCKS_MOST},

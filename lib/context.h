@@ -5,7 +5,9 @@
 #include "align.h"
 #include "inertial.h"
 #include "quality.h"
+#include "search.h"
 #include "surface.h"
+#include "model_view.h"
 #include "volume.h"
 
 struct fathom {
@@ -14,6 +16,7 @@ struct fathom {
     depth_maps maps;
     volume volume;
     aligner aligner;
+    model_view view;
     inertial inertial;
     surface_output surface;
     int64_t arena_bytes;
@@ -23,6 +26,7 @@ struct fathom {
     int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
     bool started;          /* the first surface has been fused */
     pose reference;        /* FATHOM_AGAINST_PREVIOUS: pose of the frame in the model maps */
+    unsigned drawn; /* hypotheses of the search so far */
     bool paused;
     bool said_full; /* the log knows that the pool is full */
     int64_t frames_ignored;

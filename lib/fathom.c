@@ -38,8 +38,8 @@ const char *fathom_state_name(fathom_state state) {
 
 const char *fathom_verdict_name(fathom_verdict verdict) {
     static const char *const names[] = {"tracking", "no depth",  "few pairs", "overlap",
-                                        "residual", "condition", "innovation"};
-    return (unsigned)verdict < 7 ? names[verdict] : "unknown";
+                                        "residual", "condition", "innovation", "contradiction", "uncertain"};
+    return (unsigned)verdict < 9 ? names[verdict] : "unknown";
 }
 
 const char *fathom_imu_health_name(fathom_imu_health health) {
@@ -55,6 +55,7 @@ static void layout(fathom *f, arena *a, int blocks) {
     depth_maps_init(&f->maps, &f->device, a, &f->config);
     aligner_init(&f->aligner, &f->device, a, &f->config, &f->maps);
     surface_init(&f->surface, &f->device, a, &f->maps);
+    model_view_init(&f->view, &f->device, a, &f->config, &f->maps);
     inertial_init(&f->inertial, a, &f->config);
     volume_init(&f->volume, &f->device, a, &f->config, &f->maps, blocks);
 }
@@ -118,6 +119,7 @@ int64_t fathom_memory_required(const fathom_config *config) {
 static void close_parts(fathom *f) {
     volume_close(&f->volume);
     surface_close(&f->surface);
+    model_view_close(&f->view);
     aligner_close(&f->aligner);
     depth_maps_close(&f->maps);
     device_close(&f->device);

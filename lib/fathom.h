@@ -179,12 +179,18 @@ typedef struct {
     float stop_error_fall;         /* a relative fall of the error below this ends a level. Default 1e-4 */
 
     /* verdict "tracking" (Section 2, last paragraph; docs/DESIGN.md gives the reasons for the defaults) */
-    float min_overlap;             /* kept pairs / pixels where both scan and model have a surface. Default 0.35 */
+    float min_overlap;             /* kept pairs / pixels where both scan and model have a surface. Default 0.5 */
     int min_pairs;                 /* kept pairs at the finest level used; 0: one in 100 pixels. Default 0 */
-    float max_rms_m;               /* weighted rms residual. Default 0.02 */
+    float max_rms_m;               /* weighted rms residual. Default 0.01 */
     float max_condition;           /* kappa(A), centred and scaled, beyond which the weakest direction says nothing (a bare
                                       wall reads 30 by its noise, rooms 2 to 8, a corridor up to 20). Default 22 */
     float max_innovation_sigmas;   /* distance from seed to result in units of the seed's sigma. Default 6 */
+    float min_agreement;           /* of the pixels where the surface should be seen from the found pose and the frame sees
+                                      something: the part that agrees within agreement_m. Default 0.88 */
+    float max_see_through;         /* the part of them that sees further, through the surface. Default 0.02 */
+    float agreement_m;             /* tolerance across the surface, beside three sigma of the depth. Default 0.03 */
+    float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says
+                                      nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.04, 0.03 */
 
     /* surface */
     float voxel_m;                 /* edge of a voxel. Default 0.01; 0.001..1 */
@@ -312,7 +318,10 @@ typedef enum {
     FATHOM_VERDICT_OVERLAP = 3,    /* below min_overlap */
     FATHOM_VERDICT_RESIDUAL = 4,   /* above max_rms_m */
     FATHOM_VERDICT_CONDITION = 5,  /* above max_condition */
-    FATHOM_VERDICT_INNOVATION = 6  /* further from the seed than max_innovation_sigmas */
+    FATHOM_VERDICT_INNOVATION = 6, /* further from the seed than max_innovation_sigmas */
+    FATHOM_VERDICT_CONTRADICTION = 7, /* the surface should look otherwise from there: min_agreement, max_see_through */
+    FATHOM_VERDICT_UNCERTAIN = 8   /* above max_sigma_m or max_sigma_rad: the pose is given, and what geometry knows of it is
+                                      used, but nothing is fused */
 } fathom_verdict;
 
 FATHOM_API const char *fathom_verdict_name(fathom_verdict verdict);
@@ -335,6 +344,9 @@ typedef struct {
     float prior_rotation_rad;  /* angle between the seed and the result */
     float prior_translation_m; /* distance between the seed and the result */
     float innovation_sigmas;   /* the same as a Mahalanobis distance under the seed's covariance */
+    float agreement;           /* part of the pixels where the surface should be seen that agree; NAN: not looked at */
+    float see_through;         /* part of them that sees through it */
+    bool searched;             /* the frame was looked for about the seed, for alignment from the seed alone had failed */
     bool seeded;               /* the seed was good enough for seeded_iterations */
     bool fused;                /* the frame went into the surface */
     bool pool_full;            /* some of the surface had no room left in the pool (tracking goes on) */

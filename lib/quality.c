@@ -9,3 +9,18 @@ fathom_verdict judge(const fathom_config *c, const alignment *a, double innovati
     if (!(innovation <= c->max_innovation_sigmas)) return FATHOM_VERDICT_INNOVATION;
     return FATHOM_VERDICT_TRACKING;
 }
+
+fathom_verdict judge_view(const fathom_config *c, const comparison *k) {
+    if (k->agree < c->min_agreement * (float)k->visible ||
+        k->through > c->max_see_through * (float)k->visible)
+        return FATHOM_VERDICT_CONTRADICTION;
+    return FATHOM_VERDICT_TRACKING;
+}
+
+fathom_verdict judge_certainty(const fathom_config *c, const double covariance[36]) {
+    for (int i = 0; i < 6; i++) {
+        double most = i < 3 ? c->max_sigma_rad : c->max_sigma_m;
+        if (!(covariance[7 * i] <= most * most)) return FATHOM_VERDICT_UNCERTAIN;
+    }
+    return FATHOM_VERDICT_TRACKING;
+}

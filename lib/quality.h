@@ -3,8 +3,15 @@
 #define FATHOM_QUALITY_H
 
 #include "align.h"
+#include "model_view.h"
 
 /* innovation: the distance from seed to result in units of the seed's sigma. */
 fathom_verdict judge(const fathom_config *config, const alignment *a, double innovation);
+
+/* The same of what the surface should look like from the found pose. */
+fathom_verdict judge_view(const fathom_config *config, const comparison *k);
+
+/* And of the found pose's covariance, rotation then translation. */
+fathom_verdict judge_certainty(const fathom_config *config, const double covariance[36]);
 
 #endif

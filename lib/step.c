@@ -11,6 +11,8 @@
 
 #include "context.h"
 
+#define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
+
 static double now_ms(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
@@ -136,7 +138,44 @@ static void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed,
     for (int i = 0; i < 6; i++)
         gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
     r->innovation_sigmas = (float)covariance_mahalanobis(gate, twist);
+    r->agreement = r->see_through = NAN;
     r->verdict = has_depth(c, scan) ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
+    if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL) {
+        comparison k;
+        model_view_compare(&f->view, &f->device, &f->maps, &f->volume, &icp->motion, c->agreement_m, &k);
+        r->agreement = (float)k.agree / fmaxf((float)k.visible, 1);
+        r->see_through = (float)k.through / fmaxf((float)k.visible, 1);
+        r->verdict = judge_view(c, &k);
+    }
+    if (r->verdict == FATHOM_VERDICT_TRACKING && c->prior == FATHOM_PRIOR_INFORMATION)
+        r->verdict = judge_certainty(c, icp->covariance);
+}
+
+/* Alignment from the seed has failed, and the seed may be too far off: others about it are tried. */
+static void search(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
+                   alignment *icp, fathom_result *r) {
+    pose best[SEARCH_BEST];
+    bool failed = r->verdict != FATHOM_VERDICT_TRACKING && r->verdict != FATHOM_VERDICT_NO_DEPTH &&
+                  r->verdict != FATHOM_VERDICT_UNCERTAIN;
+    if (!failed || f->config.against != FATHOM_AGAINST_MODEL || position_sigma(predicted) < SEARCH_SIGMA_M)
+        return;
+    double start = now_ms();
+    int found = search_about(&f->aligner, &f->device, &f->maps, &f->view, &f->volume, seed, predicted,
+                             &f->drawn, best);
+    r->searched = true;
+    r->ms_align += (float)(now_ms() - start);
+    for (int i = 0; i < found; i++) {
+        alignment other;
+        fathom_result o = *r;
+        attempt(f, scan, &best[i], predicted, false, &other, &o);
+        o.ms_align = r->ms_align += o.ms_align;
+        o.ms_raycast = r->ms_raycast += o.ms_raycast;
+        o.iterations = r->iterations += o.iterations;
+        if (o.verdict != FATHOM_VERDICT_TRACKING) continue;
+        *icp = other;
+        *r = o;
+        return;
+    }
 }
 
 /* Squared distances summed; of `pixels` that could have pairs, those without are far. */
@@ -195,6 +234,7 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
     alignment icp;
     attempt(f, scan, &seed, predicted, position_sigma(predicted) < c->seeded_sigma_m, &icp, r);
     second_attempt(f, scan, &seed, &icp, r);
+    search(f, scan, &seed, predicted, &icp, r);
 
     if (r->verdict == FATHOM_VERDICT_TRACKING) {
         f->pose = icp.motion;
@@ -203,6 +243,12 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
         keep_as_reference(f, &f->pose);
         inertial_correct(&f->inertial, &f->pose, icp.information, icp.pull, r->timestamp_ns);
         r->state = FATHOM_TRACKED;
+    } else if (r->verdict ==
+               FATHOM_VERDICT_UNCERTAIN) { /* some directions are known: a wall's distance and tilt */
+        f->pose = icp.motion;
+        memcpy(f->covariance, icp.covariance, sizeof f->covariance);
+        inertial_correct(&f->inertial, &f->pose, icp.information, icp.pull, r->timestamp_ns);
+        r->state = position_sigma(icp.covariance) > c->lost_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
     } else {
         f->pose = seed;
         memcpy(f->covariance, predicted, sizeof f->covariance);

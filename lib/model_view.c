@@ -1,0 +1,55 @@
+#include "model_view.h"
+
+#include <math.h>
+#include <string.h>
+
+void model_view_init(model_view *w, device *d, arena *a, const fathom_config *config,
+                     const depth_maps *maps) {
+    memset(w, 0, sizeof *w);
+    const kernel_camera *c = &maps->camera[0];
+    w->same = *c;
+    int more_x = c->width / 2, more_y = c->height / 2;
+    w->wide = kernel_camera_of(c->width + 2 * more_x, c->height + 2 * more_y, c->fx, c->fy,
+                               c->cx + (float)more_x, c->cy + (float)more_y);
+    w->near_m = fmaxf(0.5f * config->depth_min_m, 0.05f);
+    w->far_m = config->depth_max_m;
+    device_buffer_make(d, a, (size_t)w->wide.width * (size_t)w->wide.height * 16, &w->map);
+}
+
+void model_view_close(model_view *w) {
+    device_buffer_free(&w->map);
+}
+
+void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camera_to_world) {
+    volume_raycast(v, d, &w->wide, camera_to_world, w->near_m, w->far_m, &w->map);
+}
+
+void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, const pose *camera_to_world,
+                        float tolerance_m, comparison *out) {
+    const kernel_camera *c = &w->same;
+    memset(out, 0, sizeof *out);
+    volume_raycast(v, d, c, camera_to_world, w->near_m, w->far_m, &w->map);
+    const cl_float4 *model = device_map(d, &w->map, CL_MAP_READ);
+    const float *depth = device_map(d, &maps->depth[0], CL_MAP_READ);
+    for (int y = 0; model && depth && y < c->height; y++)
+        for (int x = 0; x < c->width; x++) {
+            float z = depth[(y + PAD_Y) * c->pitch + x + PAD_X];
+            const cl_float4 *m = &model[y * c->width + x];
+            if (!(z > 0)) continue;
+            out->seen++;
+            if (!(m->s[3] > 0)) continue;
+            out->visible++;
+            float apart = z - m->s[3];
+            float slope =
+                m->s[0] * ((float)x - c->cx) / c->fx + m->s[1] * ((float)y - c->cy) / c->fy + m->s[2];
+            float sigma = maps->noise.s[0] + maps->noise.s[1] * z * z;
+            if (fabsf(apart * slope) < tolerance_m + 3 * sigma)
+                out->agree++;
+            else if (apart > 0)
+                out->through++;
+            else
+                out->front++;
+        }
+    device_unmap(d, &maps->depth[0], (void *)depth);
+    device_unmap(d, &w->map, (void *)model);
+}

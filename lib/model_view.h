@@ -1,0 +1,33 @@
+/* What the surface says that a camera should see, at the coarsest maps' resolution: for the verdict and for the search. */
+#ifndef FATHOM_MODEL_VIEW_H
+#define FATHOM_MODEL_VIEW_H
+
+#include "volume.h"
+
+typedef struct {
+    device_buffer map;  /* normal and depth, row by row */
+    kernel_camera same; /* the coarsest maps' camera */
+    kernel_camera wide; /* the same with half a width and height more on each side */
+    float near_m, far_m;
+} model_view;
+
+/* A frame held against the surface as it should look from a pose, pixel by pixel of the coarsest maps. */
+typedef struct {
+    int visible; /* pixels where the surface should be seen, and the frame sees something */
+    int agree;   /* of these: within the tolerance of each other, across the surface */
+    int through; /* the frame sees further: through what should be there */
+    int front;   /* the frame sees something before it */
+    int seen;    /* pixels of the frame with a depth */
+} comparison;
+
+void model_view_init(model_view *w, device *d, arena *a, const fathom_config *config, const depth_maps *maps);
+void model_view_close(model_view *w);
+
+/* Waits for the device. tolerance_m: beside three sigma of the depth. */
+void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, const pose *camera_to_world,
+                        float tolerance_m, comparison *out);
+
+/* Queues the wide map as seen from a pose. */
+void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camera_to_world);
+
+#endif
