@@ -12,13 +12,17 @@
 #define STILL_GYRO_CHANGE 0.03  /* rad/s away from the mean of the stillness so far */
 #define STILL_ACCEL_CHANGE 0.25 /* m/s^2, the same */
 #define STILL_VELOCITY 0.005    /* m/s: what a hand that holds still, or a tripod, moves at */
-#define STILL_TURN 0.002        /* rad/s over a second */
-#define BIAS_WALK 2e-4          /* rad/s/sqrt(s): how fast a known gyro bias gets old */
-#define ACCEL_WALK 2e-3         /* m/s^2/sqrt(s), the same of the accelerometer's */
-#define MAP_TURN_WALK 2e-3      /* rad/sqrt(s): how fast poses and the map drift from the truth together */
-#define MAP_WALK 1e-3           /* m/sqrt(s), the same */
-#define MISMATCH_LEAST 0.05     /* sigmas that the settings give, times this, are those of a good sensor */
-#define MISMATCH_GYRO 0.1       /* the same of a gyroscope, whose noise poses hardly show */
+#define STILL_SPEED 0.05
+#define STILL_WAY 0.005 /* m and rad between poses: no motion */
+#define STILL_ANGLE 0.005
+#define STILL_WATCHED_NS 150000000 /* as long as this */
+#define STILL_TURN 0.002           /* rad/s over a second */
+#define BIAS_WALK 2e-4             /* rad/s/sqrt(s): how fast a known gyro bias gets old */
+#define ACCEL_WALK 2e-3            /* m/s^2/sqrt(s), the same of the accelerometer's */
+#define MAP_TURN_WALK 2e-3         /* rad/sqrt(s): how fast poses and the map drift from the truth together */
+#define MAP_WALK 1e-3              /* m/sqrt(s), the same */
+#define MISMATCH_LEAST 0.05        /* sigmas that the settings give, times this, are those of a good sensor */
+#define MISMATCH_GYRO 0.1          /* the same of a gyroscope, whose noise poses hardly show */
 #define MISMATCH_SEED 0.2 /* a seed's floor shrinks no further: clock and mounting are never quite right */
 #define MISMATCH_MOST 3
 #define MISMATCH_RATE 0.1  /* a pose's part in the mismatch's logarithm */
@@ -404,6 +408,18 @@ static void stand_still(inertial *n) {
     inertial_stillness *w = &n->stillness;
     double mean[3], seconds = 1e-9 * (double)n->period_ns * (w->samples - w->used);
     if (still_seconds(n) < STILL_SECONDS || w->samples == w->used) return;
+    /* a slide or a slow pan at an even rate feels the same: the poses and the velocity must agree */
+    if (!w->anchored) {
+        w->anchored = true;
+        w->anchor = n->corrected;
+        w->anchor_ns = n->corrected_ns;
+    }
+    pose way = pose_between(&w->anchor, &n->corrected);
+    const double *v = n->state.v;
+    bool moved = pose_distance(&way) > STILL_WAY || pose_angle(&way) > STILL_ANGLE ||
+                 v[0] * v[0] + v[1] * v[1] + v[2] * v[2] > STILL_SPEED * STILL_SPEED;
+    if (moved) end_stillness(n);
+    if (moved || n->corrected_ns - w->anchor_ns < STILL_WATCHED_NS) return;
     for (int i = 0; i < 3; i++) {
         mean[i] = (w->gyro[i] - w->used_gyro[i]) / (w->samples - w->used);
         w->used_gyro[i] = w->gyro[i];

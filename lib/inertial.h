@@ -24,6 +24,9 @@ typedef struct {
     int samples, used, window_samples;
     double gyro[3], accel[3], used_gyro[3];
     double window_gyro[3], window_accel[3];
+    bool anchored; /* poses are watched since: */
+    pose anchor;
+    int64_t anchor_ns;
 } inertial_stillness;
 
 typedef struct {

@@ -142,7 +142,8 @@ static void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed,
     r->verdict = has_depth(c, scan) ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
     if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL) {
         comparison k;
-        model_view_compare(&f->view, &f->device, &f->maps, &f->volume, &icp->motion, c->agreement_m, &k);
+        model_view_compare(&f->view, &f->device, &f->maps, &f->volume, &icp->motion,
+                           c->agreement_m + c->voxel_m, &k);
         r->agreement = (float)k.agree / fmaxf((float)k.visible, 1);
         r->see_through = (float)k.through / fmaxf((float)k.visible, 1);
         r->verdict = judge_view(c, &k);
