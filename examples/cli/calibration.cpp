@@ -27,7 +27,7 @@ constexpr double mirror_gain =
  * little, which no sigma shows: with hand tremor alone (0.02) mountings came out up to 9 degrees wrong with sigmas of 1.5.
  * So what turns less must correlate better. */
 constexpr double weak_turning = 0.07;
-constexpr double least_correlation_weak = 0.99;
+constexpr double least_correlation_weak = 0.995;
 constexpr double scale_low = 0.8, scale_high = 1.25;
 /* What is known of any MEMS gyroscope before the data speak. */
 constexpr double bias_prior = 0.01 /* rad/s */, scale_prior = 0.05;
