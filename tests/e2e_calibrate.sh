@@ -8,6 +8,7 @@ set -u
 build=${1:?usage: sh tests/e2e_calibrate.sh BUILD_DIR}
 fathom=$(cd "$build" && pwd)/fathom
 face=$(cd "$(dirname "$0")/.." && pwd)/../shared/data/face
+motion=$(dirname "$face")/motion_combined
 work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-calibrate-XXXXXX") || exit 1
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
@@ -64,6 +65,23 @@ calibrate still
 [ $status -eq 1 ] && one_error 'hardly turns' && cmp -s before still/rig.txt
 check "no turning: refused, rig.txt untouched"
 
+"$fathom" simulate room tremor --size 160x120 --frames 120 --turn 0 --imu-grade phone --threads 1 >made 2>err
+calibrate tremor --output tremor.rig
+[ $status -eq 1 ] && one_error 'hardly turns' && [ ! -e tremor.rig ]
+check "nothing but tremor: refused"
+
+"$fathom" simulate wall wall --size 160x120 --frames 180 --threads 1 >made 2>err
+calibrate wall --output wall.rig
+[ $status -eq 0 ] && near wall.rig 0.8 -1.2 90 1 0 0.002
+check "past a bare wall"
+
+"$fathom" simulate room short --size 160x120 --frames 40 --still 0 --turn 0.7 --imu-grade phone --imu-rotation 5,3,90 \
+    --threads 1 >made 2>err
+calibrate short --output short.rig
+[ $status -eq 0 ] && grep -q 'taken as square to within 2 degrees; the data alone says .*+-' out &&
+    grep -q '^fathom: warning: .*the mounting open by .*would help: nodding (about x), rolling' err
+check "a short pan: what the square mounting did is said, and a warning says what would help"
+
 calibrate still --imu nowhere
 [ $status -eq 1 ] && one_error 'nowhere'
 check "an IMU file that isn't there"
@@ -77,6 +95,20 @@ check "a wrong option"
 calibrate
 [ $status -eq 2 ] && one_error 'unknown option\|no folder'
 check "no folder"
+
+if [ -r "$motion/groundtruth.txt" ]; then
+    "$fathom" simulate room moved --motion "$motion" --size 160x120 --frames 150 --threads 1 >made 2>err
+    truth=$(awk '$1 == "imu_to_camera_rotation" { print $2, $3, $4 } $1 == "imu_clock_offset" { o = $2 } END { print o }' \
+        "$motion/rig.txt")
+    calibrate moved --output moved.rig
+    # shellcheck disable=SC2086
+    set -- $truth
+    [ $status -eq 0 ] && near moved.rig "$1" "$2" "$3" 0.5 "$4" 0.001
+    check "a hand's motion and a real IMU: within 0.5 degrees and 1 ms of its rig.txt"
+else
+    number=$((number + 1))
+    echo "ok $number - a hand's motion and a real IMU # SKIP ../shared/data/motion_combined isn't there"
+fi
 
 if [ -r "$face/depth.txt" ]; then
     calibrate "$face" --output face.rig
