@@ -8,6 +8,7 @@ set -u
 build=${1:?usage: sh tests/e2e_calibrate.sh BUILD_DIR}
 fathom=$(cd "$build" && pwd)/fathom
 face=$(cd "$(dirname "$0")/.." && pwd)/../shared/data/face
+motion=$(dirname "$face")/motion_combined
 work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-calibrate-XXXXXX") || exit 1
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
@@ -41,7 +42,7 @@ one_error() { [ "$(grep -c -v -e '^fathom: note: ' -e '^fathom: warning: ' err)"
 rig() {
     name=$1 rotation=$2 offset=$3
     shift 3
-    "$fathom" simulate room "$name" --size 160x120 --frames 240 --threads 1 --imu-rotation="$rotation" \
+    "$fathom" simulate room "$name" --size 160x120 --frames 180 --threads 1 --imu-rotation="$rotation" \
         --imu-clock-offset="$offset" "$@" >made 2>err &&
         calibrate "$name" --output "$name.rig" && [ $status -eq 0 ]
 }
@@ -51,18 +52,31 @@ check "half a turn, 0.1 s, moving early"
 rig b -60,100,-20 -0.07 --seed 2 && near b.rig -60 100 -20 0.3 -0.07 0.002
 check "a mounting at any angle, -0.07 s"
 
-printf '# mine\ndepth_scale 5000 # by the maker\nimu_clock_offset 5\ngravity 9.81\nimu_clock_offset 6' >b/rig.txt
-calibrate b
-[ $status -eq 0 ] && near b/rig.txt -60 100 -20 0.3 -0.07 0.002 && grep -q '^# mine$' b/rig.txt &&
-    grep -q '^depth_scale 5000 # by the maker$' b/rig.txt && grep -q '^gravity 9.81$' b/rig.txt &&
-    [ "$(grep -c imu_clock_offset b/rig.txt)" -eq 1 ] && [ ! -e b/rig.txt.part ] && grep -q 'imu_clock_offset .*+-' out
-check "rig.txt: wrong values are no start, other lines stay, one line a key"
-
 "$fathom" simulate room still --size 160x120 --frames 60 --still 10 --threads 1 >made 2>err
 cp still/rig.txt before
 calibrate still
 [ $status -eq 1 ] && one_error 'hardly turns' && cmp -s before still/rig.txt
 check "no turning: refused, rig.txt untouched"
+
+"$fathom" simulate room tremor --size 160x120 --frames 80 --turn 0 --imu-grade phone --threads 1 >made 2>err
+calibrate tremor --output tremor.rig
+[ $status -eq 1 ] && one_error 'hardly turns' && [ ! -e tremor.rig ]
+check "nothing but tremor: refused"
+
+"$fathom" simulate wall wall --size 160x120 --frames 120 --threads 1 >made 2>err
+printf '# mine\ndepth_scale 5000 # by the maker\nimu_clock_offset 5\ngravity 9.81\nimu_clock_offset 6' >wall/rig.txt
+calibrate wall
+[ $status -eq 0 ] && near wall/rig.txt 0.8 -1.2 90 1 0 0.002 && grep -q '^# mine$' wall/rig.txt &&
+    grep -q '^depth_scale 5000 # by the maker$' wall/rig.txt && grep -q '^gravity 9.81$' wall/rig.txt &&
+    [ "$(grep -c imu_clock_offset wall/rig.txt)" -eq 1 ] && [ ! -e wall/rig.txt.part ] && grep -q 'imu_clock_offset .*+-' out
+check "past a bare wall; rig.txt: wrong values are no start, other lines stay, one line a key"
+
+"$fathom" simulate room short --size 160x120 --frames 40 --still 0 --turn 0.7 --imu-grade phone --imu-rotation 5,3,90 \
+    --threads 1 >made 2>err
+calibrate short --output short.rig
+[ $status -eq 0 ] && grep -q 'taken as square to within 2 degrees; the data alone says .*+-' out &&
+    grep -q '^fathom: warning: .*the mounting open by .*would help: nodding (about x), rolling' err
+check "a short pan: what the square mounting did is said, and a warning says what would help"
 
 calibrate still --imu nowhere
 [ $status -eq 1 ] && one_error 'nowhere'
@@ -77,6 +91,20 @@ check "a wrong option"
 calibrate
 [ $status -eq 2 ] && one_error 'unknown option\|no folder'
 check "no folder"
+
+if [ -r "$motion/groundtruth.txt" ]; then
+    "$fathom" simulate room moved --motion "$motion" --size 160x120 --frames 90 --threads 1 >made 2>err
+    truth=$(awk '$1 == "imu_to_camera_rotation" { print $2, $3, $4 } $1 == "imu_clock_offset" { o = $2 } END { print o }' \
+        "$motion/rig.txt")
+    calibrate moved --output moved.rig
+    # shellcheck disable=SC2086
+    set -- $truth
+    [ $status -eq 0 ] && near moved.rig "$1" "$2" "$3" 0.5 "$4" 0.001
+    check "a hand's motion and a real IMU: within 0.5 degrees and 1 ms of its rig.txt"
+else
+    number=$((number + 1))
+    echo "ok $number - a hand's motion and a real IMU # SKIP ../shared/data/motion_combined isn't there"
+fi
 
 if [ -r "$face/depth.txt" ]; then
     calibrate "$face" --output face.rig

@@ -200,6 +200,41 @@ static void test_no_turning(void **state) {
     assert_int_equal(solve(&rig), CALIBRATION_LITTLE_TURNING);
 }
 
+/* What tremor alone shows of the mounting is drowned in tracking's errors. */
+static void test_tremor_is_refused(void **state) {
+    (void)state;
+    const struct rig rig = {.turn = 0, .noise_rad = 5e-4, .noise_m = 1e-3, .grade = "phone", .seed = 2};
+    assert_int_equal(solve(&rig), CALIBRATION_LITTLE_TURNING);
+    assert_true(found.weak_sigma == 0);
+}
+
+/* Noisy turning, and mountings at and near quarter turns, and far from them. */
+static void test_square_mountings(void **state) {
+    (void)state;
+    static const double rotations[3][3] = {{0, 0, 90}, {2.5, 0, 90}, {25, 0, 90}};
+    for (int i = 0; i < 3; i++) {
+        struct rig rig = {.turn = 1, .noise_rad = 0.02, .noise_m = 0.02, .frames = 150, .seed = 6};
+        memcpy(rig.mounting.rotation_deg, rotations[i], sizeof rotations[i]);
+        assert_int_equal(solve(&rig), CALIBRATION_DONE);
+        assert_true(found.data_weak_sigma * DEGREES > 1); /* the doubt in which the prior counts */
+        double error[3], data_error[3];
+        rotation_error(rotations[i], error);
+        memcpy(found.rotation, found.data_rotation, sizeof found.rotation);
+        rotation_error(rotations[i], data_error);
+        assert_true(length(error) < 3 * found.weak_sigma);
+        assert_true(length(data_error) < 3 * found.data_weak_sigma);
+        if (i < 2) {
+            assert_true(found.square_moved > 0.1);
+            assert_true(found.weak_sigma < 0.9 * found.data_weak_sigma);
+            assert_true(length(error) < length(data_error));
+        } else { /* out of the question: the data are left alone */
+            assert_true(found.square_moved == 0);
+            assert_float_equal(found.weak_sigma, found.data_weak_sigma, 1e-12);
+            assert_float_equal(length(error), length(data_error), 1e-9);
+        }
+    }
+}
+
 static void test_unfit_samples(void **state) {
     (void)state;
     const struct rig rig = {.turn = 2, .noise_rad = 5e-4, .noise_m = 1e-3, .seed = 4};
@@ -231,6 +266,8 @@ int main(void) {
         cmocka_unit_test(test_gyro_scale_and_bias),
         cmocka_unit_test(test_wrong_frames_are_left_out),
         cmocka_unit_test(test_no_turning),
+        cmocka_unit_test(test_tremor_is_refused),
+        cmocka_unit_test(test_square_mountings),
         cmocka_unit_test(test_unfit_samples),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

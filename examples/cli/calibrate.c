@@ -13,6 +13,8 @@
 
 #define ROUGH_SIGMA 0.15 /* radians: a mounting known this well still helps tracking */
 #define DEGREES 57.29577951308232
+#define WARN_SIGMA_DEG 1.0
+#define TELL_MOVED 0.5 /* sigmas */
 
 struct calibrate {
     const char *folder, *output, *imu;
@@ -254,8 +256,8 @@ static int explain(const struct calibrate *c, enum calibration_outcome outcome) 
     return CLI_FAILED;
 }
 
-static void rotation_vector(const struct calibration *f, double degrees[3]) {
-    vector_of_rotation(f->rotation, degrees);
+static void rotation_vector(const double rotation[9], double degrees[3]) {
+    vector_of_rotation(rotation, degrees);
     for (int i = 0; i < 3; i++) degrees[i] *= DEGREES;
 }
 
@@ -276,7 +278,7 @@ static void print_table(const struct calibrate *c, FILE *out) {
     const struct calibration *f = &c->found;
     const double *t = f->turning;
     double degrees[3];
-    rotation_vector(f, degrees);
+    rotation_vector(f->rotation, degrees);
     fprintf(out,
             "tracked %d of %d frames; turning rms %.1f %.1f %.1f deg/s about the camera's x y z; correlation "
             "%.3f\n",
@@ -285,6 +287,16 @@ static void print_table(const struct calibrate *c, FILE *out) {
                  (double[3]){f->rotation_sigma[0] * DEGREES, f->rotation_sigma[1] * DEGREES,
                              f->rotation_sigma[2] * DEGREES},
                  1, 3);
+    if (f->square_moved > TELL_MOVED) {
+        rotation_vector(f->data_rotation, degrees);
+        fprintf(out,
+                "    taken as square to within %g degrees; the data alone says %.3f %.3f %.3f   +- %.3f %.3f "
+                "%.3f  "
+                "degrees\n",
+                CALIBRATION_SQUARE_DEG, degrees[0], degrees[1], degrees[2],
+                f->data_rotation_sigma[0] * DEGREES, f->data_rotation_sigma[1] * DEGREES,
+                f->data_rotation_sigma[2] * DEGREES);
+    }
     print_one(out, "imu_clock_offset", "s", f->offset, f->offset_sigma, 5);
     if (f->accelerometer) print_triple(out, "imu_to_camera_translation", "m", f->lever, f->lever_sigma, 1, 4);
     print_triple(out, "gyroscope's bias", "deg/s", f->gyro_bias, f->gyro_bias_sigma, DEGREES, 3);
@@ -306,10 +318,27 @@ static void print_table(const struct calibrate *c, FILE *out) {
             CALIBRATION_LEVER_SIGMA_M);
 }
 
+/* What the data leave open is seen by turning about the axes across it. */
+static void warn_of_doubt(const struct calibrate *c) {
+    static const char *const motions[3] = {"nodding (about x)", "panning (about y)", "rolling (about z)"};
+    const struct calibration *f = &c->found;
+    const double *w = f->data_weak_axis;
+    if (f->data_weak_sigma * DEGREES <= WARN_SIGMA_DEG) return;
+    char help_by[80] = "";
+    for (int i = 0; i < 3; i++) {
+        if (w[i] * w[i] > 0.5) continue;
+        const size_t used = strlen(help_by);
+        snprintf(help_by + used, sizeof help_by - used, "%s%s", used ? ", " : "", motions[i]);
+    }
+    cli_warning("%s: the data alone leave the mounting open by %.1f degrees (sigma) about the camera's axis "
+                "(%.2f %.2f %.2f); brisk motion to and fro would help: %s",
+                c->folder, f->data_weak_sigma * DEGREES, w[0], w[1], w[2], help_by);
+}
+
 static bool write_rig(const struct calibrate *c) {
     const struct calibration *f = &c->found;
     double v[3];
-    rotation_vector(f, v);
+    rotation_vector(f->rotation, v);
     struct rig_entry entries[] = {
         {.key = "imu_to_camera_rotation"}, {.key = "imu_to_camera_translation"}, {.key = "imu_clock_offset"}};
     snprintf(entries[0].text, sizeof entries[0].text, "%.4f %.4f %.4f # sigma %.4f %.4f %.4f", v[0], v[1],
@@ -348,6 +377,7 @@ static int calibrate(struct calibrate *c) {
     if (status) return status;
     const bool to_stdout = c->output && strcmp(c->output, "-") == 0;
     print_table(c, to_stdout ? stderr : stdout);
+    warn_of_doubt(c);
     return write_rig(c) ? CLI_DONE : CLI_FAILED;
 }
 

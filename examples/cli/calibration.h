@@ -38,6 +38,9 @@ enum calibration_outcome {
 #define CALIBRATION_OFFSET_SIGMA_S 0.005
 #define CALIBRATION_LEVER_SIGMA_M 0.02
 
+/* Boards are laid out square, to within this (one sigma). It only counts where the data leave more doubt. */
+#define CALIBRATION_SQUARE_DEG 2.0
+
 /* All sigmas are one standard deviation. What an outcome other than DONE couldn't reach is zero. */
 struct calibration {
     int windows;                   /* stretches of frames used */
@@ -50,6 +53,11 @@ struct calibration {
     double
         weak_axis[3]; /* camera axes: the direction about which the rotation is known least, and how well */
     double weak_sigma;
+    /* Where the data are compatible with a mounting in quarter turns, it is taken as one within
+     * CALIBRATION_SQUARE_DEG; what they say without that. */
+    double data_rotation[9], data_rotation_sigma[3];
+    double data_weak_axis[3], data_weak_sigma; /* as weak_axis and weak_sigma */
+    double square_moved; /* from there to rotation, in the data's own sigmas; 0: not taken as square */
     double offset, offset_sigma; /* seconds to add to an IMU stamp */
     bool offset_observable;
     double gyro_bias[3], gyro_bias_sigma[3]; /* rad/s, IMU axes */

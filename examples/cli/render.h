@@ -24,4 +24,8 @@ struct camera_pose {
 bool render_depth(const struct scene *scene, const struct render_camera *camera,
                   const struct camera_pose *pose, double far_m, int threads, float *depth, float *cosine);
 
+/* The same, with a pose for each of the camera's rows: what a rolling shutter sees. */
+bool render_rolling(const struct scene *scene, const struct render_camera *camera,
+                    const struct camera_pose *rows, double far_m, int threads, float *depth, float *cosine);
+
 #endif

@@ -18,7 +18,7 @@
 #include "counter_random.h"
 
 #define FOCAL_PX 585.0
-#define BASELINE_M 0.075
+#define BASELINE_M (SENSOR_DISPARITY_PX_M / FOCAL_PX)
 #define DISPARITY_STEPS 8.0 /* a pixel */
 #define NEAREST_M 0.4
 #define FARTHEST_M 8.0
@@ -76,17 +76,17 @@ static void make_noise(struct measurement *m) {
 
 /* A pixel is in shadow when something farther right meets the same projector ray nearer. Seen from the
  * projector, to the right by the baseline, a pixel lies in column u - f b / z. */
-static void find_shadow(struct measurement *m, double focal_px) {
-    const double shift = focal_px * BASELINE_M;
-    for (int y = 0; y < m->height; y++) {
-        const float *z = m->truth + (size_t)y * (size_t)m->width;
-        uint8_t *lit = m->lit + (size_t)y * (size_t)m->width;
+void sensor_lit(const float *depth, int width, int height, double scale, uint8_t *lit) {
+    const double shift = FOCAL_PX * scale * BASELINE_M;
+    for (int y = 0; y < height; y++) {
+        const float *z = depth + (size_t)y * (size_t)width;
+        uint8_t *row = lit + (size_t)y * (size_t)width;
         double leftmost = INFINITY;
-        for (int x = m->width - 1; x >= 0; x--) {
-            lit[x] = 1;
+        for (int x = width - 1; x >= 0; x--) {
+            row[x] = 1;
             if (z[x] <= 0.0f) continue;
             const double column = x - shift / z[x];
-            lit[x] = column <= leftmost + 0.5;
+            row[x] = column <= leftmost + 0.5;
             leftmost = fmin(leftmost, column);
         }
     }
@@ -156,7 +156,7 @@ bool sensor_measure(float *depth, const float *cosine, int width, int height, do
     for (uint64_t i = 0; i < STREAMS; i++) m.key[i] = random_key(seed, 0x5e500000u + frame * STREAMS + i);
     memcpy(m.truth, depth, pixels * sizeof(float));
     make_noise(&m);
-    find_shadow(&m, FOCAL_PX * scale);
+    sensor_lit(m.truth, width, height, scale, m.lit);
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)
             depth[(size_t)y * (size_t)width + (size_t)x] = measure_pixel(&m, x, y);

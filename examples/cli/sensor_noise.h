@@ -9,6 +9,14 @@
  * "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 3DIMPVT. */
 double sensor_axial_sigma(double z);
 
+/* Disparity times depth, pixels x metres, at the sensor's 640x480: its focal length times the distance from
+ * projector to camera. */
+#define SENSOR_DISPARITY_PX_M 43.875
+
+/* Which pixels the projector lights: 1, or 0 for those in the shadow of something nearer. depth and scale as
+ * for sensor_measure. */
+void sensor_lit(const float *depth, int width, int height, double scale, uint8_t *lit);
+
 /* Turns true depth (metres, 0 where there is none) into measured depth, in place. cosine: of the angle
  * between ray and normal, as render_depth gives it. scale: pixels of this picture to those of the 640x480
  * sensor (width / 640). The result depends on seed, frame and the input only. False when out of memory. */

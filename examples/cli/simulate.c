@@ -9,10 +9,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "exposure.h"
 #include "recording_writer.h"
 #include "sensor_noise.h"
 
 #define FRAME_RATE 30.0
+#define EXPOSURE_S 0.008 /* in a room without daylight; no one sensor's figure */
+#define ROLLING_S 0.010
 #define FAR_M 13.0          /* just below what 16 bits hold */
 #define MOST_FRAMES 1000000 /* nine hours */
 
@@ -33,6 +36,12 @@ static const char help[] =
     "    --speed F              times the usual pace of 0.3 to 0.5 m/s and 25 deg/s (default 1)\n"
     "    --turn F               times the usual rate of turning (default: as --speed)\n"
     "    --still S              seconds of standing still at the start (default 0.5)\n"
+    "    --blur                 what motion does while a depth picture is taken: a pixel reads the mean of "
+    "what\n"
+    "                           passes over it, nothing where an edge does, and rows are taken one after\n"
+    "                           another; a stamp is the middle of the middle row's exposure\n"
+    "    --exposure S           how long a row is exposed, with --blur (default 0.008; 0 to 0.033)\n"
+    "    --rolling S            from the first row to the last, with --blur (default 0.01; 0 to 0.033)\n"
     "    --imu-grade NAME       consumer (Bosch BMI270; default), phone, ideal\n"
     "    --imu-rate HZ          samples a second (default 200)\n"
     "    --imu-rotation X,Y,Z   mounting, rotation vector in degrees, v_camera = R v_imu (default "
@@ -51,10 +60,11 @@ struct options {
     enum scene_kind kind;
     const struct imu_grade *grade;
     struct imu_mounting mounting;
+    struct exposure exposure;
     double length, speed, turn, still, imu_rate;
     long seed, frames, threads;
     int width, height;
-    bool clean, force, progress;
+    bool clean, blur, force, progress;
 };
 
 /* ---- Options ---- */
@@ -69,6 +79,9 @@ enum {
     OPTION_SPEED,
     OPTION_TURN,
     OPTION_STILL,
+    OPTION_BLUR,
+    OPTION_EXPOSURE,
+    OPTION_ROLLING,
     OPTION_GRADE,
     OPTION_RATE,
     OPTION_ROTATION,
@@ -90,6 +103,9 @@ static const struct option long_options[] = {
     {"speed", required_argument, NULL, OPTION_SPEED},
     {"turn", required_argument, NULL, OPTION_TURN},
     {"still", required_argument, NULL, OPTION_STILL},
+    {"blur", no_argument, NULL, OPTION_BLUR},
+    {"exposure", required_argument, NULL, OPTION_EXPOSURE},
+    {"rolling", required_argument, NULL, OPTION_ROLLING},
     {"imu-grade", required_argument, NULL, OPTION_GRADE},
     {"imu-rate", required_argument, NULL, OPTION_RATE},
     {"imu-rotation", required_argument, NULL, OPTION_ROTATION},
@@ -142,6 +158,9 @@ static bool take_option(struct options *o, int option) {
     case OPTION_SPEED: return cli_parse_double("--speed", optarg, 0.01, 20.0, &o->speed);
     case OPTION_TURN: return cli_parse_double("--turn", optarg, 0.0, 40.0, &o->turn);
     case OPTION_STILL: return cli_parse_double("--still", optarg, 0.0, 3600.0, &o->still);
+    case OPTION_BLUR: return o->blur = true;
+    case OPTION_EXPOSURE: return cli_parse_double("--exposure", optarg, 0.0, 0.033, &o->exposure.exposure_s);
+    case OPTION_ROLLING: return cli_parse_double("--rolling", optarg, 0.0, 0.033, &o->exposure.rolling_s);
     case OPTION_GRADE: return parse_grade(optarg, &o->grade);
     case OPTION_RATE: return cli_parse_double("--imu-rate", optarg, 10.0, 8000.0, &o->imu_rate);
     case OPTION_ROTATION:
@@ -165,6 +184,7 @@ static int parse_options(int argc, char **argv, struct options *o, bool *helped)
         .turn = -1.0,
         .still = 0.5,
         .imu_rate = 200.0,
+        .exposure = {-1.0, -1.0},
         .seed = 1,
         .width = 640,
         .height = 480,
@@ -192,6 +212,10 @@ static int parse_options(int argc, char **argv, struct options *o, bool *helped)
     o->folder = argv[optind + 1];
     if (!*o->folder) return cli_error(CLI_USAGE, "simulate: the folder has no name");
     if (o->turn < 0.0) o->turn = o->speed;
+    if (!o->blur && (o->exposure.exposure_s >= 0.0 || o->exposure.rolling_s >= 0.0))
+        return cli_error(CLI_USAGE, "simulate: --exposure and --rolling go with --blur");
+    if (o->exposure.exposure_s < 0.0) o->exposure.exposure_s = EXPOSURE_S;
+    if (o->exposure.rolling_s < 0.0) o->exposure.rolling_s = ROLLING_S;
     if (!o->grade) o->grade = imu_grade_of(o->clean ? "ideal" : "consumer");
     return CLI_DONE;
 }
@@ -278,22 +302,43 @@ static void to_units(const float *depth, size_t pixels, uint16_t *units) {
     }
 }
 
-static int render_frames(struct run *run, float *depth, float *cosine, uint16_t *units, long *done) {
+/* Of one frame. */
+struct picture {
+    float *depth, *cosine;
+    uint8_t *lost; /* with blur: 1 where there is no depth */
+    uint16_t *units;
+};
+
+/* The frame at t as the sensor measures it; false when out of memory. */
+static bool take_picture(const struct run *run, long frame, double t, const struct camera_pose *pose,
+                         const struct picture *p) {
     const struct options *o = run->options;
     const size_t pixels = (size_t)o->width * (size_t)o->height;
+    float *cosine = o->clean ? NULL : p->cosine;
+    const int threads = (int)o->threads;
+    const bool rendered =
+        o->blur ? exposure_render(&o->exposure, &run->scene, &run->camera, &run->path, t, FAR_M, threads,
+                                  !o->clean, p->depth, cosine, p->lost)
+                : render_depth(&run->scene, &run->camera, pose, FAR_M, threads, p->depth, cosine);
+    if (!rendered) return false;
+    if (!o->clean && !sensor_measure(p->depth, cosine, o->width, o->height, o->width / 640.0,
+                                     (uint64_t)o->seed, (uint64_t)frame))
+        return false;
+    for (size_t i = 0; o->blur && i < pixels; i++)
+        if (p->lost[i]) p->depth[i] = 0.0f;
+    to_units(p->depth, pixels, p->units);
+    return true;
+}
+
+static int render_frames(struct run *run, const struct picture *picture, long *done) {
     struct camera_pose pose, before = {.rotation = {0}};
     for (*done = 0; *done < run->frames; ++*done) {
         if (cli_interrupted()) return CLI_INTERRUPTED;
         const double t = frame_time(run, *done);
         camera_path_pose(&run->path, t, &pose);
-        if (!render_depth(&run->scene, &run->camera, &pose, FAR_M, (int)o->threads, depth,
-                          o->clean ? NULL : cosine))
+        if (!take_picture(run, *done, t, &pose, picture))
             return cli_error(CLI_FAILED, "simulate: out of memory");
-        if (!o->clean && !sensor_measure(depth, cosine, o->width, o->height, o->width / 640.0,
-                                         (uint64_t)o->seed, (uint64_t)*done))
-            return cli_error(CLI_FAILED, "simulate: out of memory");
-        to_units(depth, pixels, units);
-        if (recording_frame(&run->writer, t, units, &run->camera, &pose))
+        if (recording_frame(&run->writer, t, picture->units, &run->camera, &pose))
             return cli_error(CLI_FAILED, "%s", run->writer.error);
         if (*done) add_motion(run, &before, &pose);
         before = pose;
@@ -325,17 +370,20 @@ static int write_recording(struct run *run) {
     const size_t pixels = (size_t)o->width * (size_t)o->height;
     float *depth = malloc(2 * pixels * sizeof *depth);
     uint16_t *units = malloc(pixels * sizeof *units);
+    uint8_t *lost = malloc(pixels);
+    const struct picture picture = {depth, depth + pixels, lost, units};
     long done = 0;
-    int status = depth && units ? write_rest(run) : cli_error(CLI_FAILED, "simulate: out of memory");
+    int status = depth && units && lost ? write_rest(run) : cli_error(CLI_FAILED, "simulate: out of memory");
     if (status == CLI_DONE) {
         cli_progress_start("simulate", run->frames, o->progress);
-        status = render_frames(run, depth, depth + pixels, units, &done);
+        status = render_frames(run, &picture, &done);
         cli_progress_end();
     }
     if (recording_close(&run->writer) && (status == CLI_DONE || status == CLI_INTERRUPTED))
         status = cli_error(CLI_FAILED, "%s", run->writer.error);
     free(depth);
     free(units);
+    free(lost);
     if (status == CLI_DONE || status == CLI_INTERRUPTED)
         printf("frames=%ld path_m=%.3f turned_deg=%.1f folder=%s\n", done, run->path_m, run->turned_deg,
                o->folder);
