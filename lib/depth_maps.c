@@ -1,5 +1,6 @@
 #include "depth_maps.h"
 
+#include <math.h>
 #include <string.h>
 
 #define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
@@ -40,6 +41,9 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
         m->camera[i] = kernel_camera_of(f.width / 2, f.height / 2, f.fx / 2, f.fy / 2, (f.cx - 0.5f) / 2,
                                         (f.cy - 0.5f) / 2);
     }
+    /* what is noisier than the surface is thick fills the pool and says nothing */
+    float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m) - c->depth_noise_base_m;
+    float far_m = c->depth_noise_growth > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth) : c->depth_max_m;
     const float *k = c->distortion;
     m->source = (kernel_depth_source){c->fx,
                                       c->fy,
@@ -56,7 +60,7 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
                                       c->depth_width / m->camera[FINEST].width,
                                       1.0f / c->depth_units_per_metre,
                                       c->depth_min_m,
-                                      c->depth_max_m};
+                                      fmaxf(fminf(c->depth_max_m, far_m), c->depth_min_m)};
     m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
     device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);

@@ -158,7 +158,8 @@ typedef struct {
     float fx, fy, cx, cy;          /* pinhole intrinsics at that size, pixels. Default 525, 525, 319.5, 239.5 */
     float distortion[5];           /* k1 k2 p1 p2 k3 (Brown-Conrady, OpenCV's order); all zero: none. Default none */
     float depth_units_per_metre;   /* e.g. 1000 for millimetres, 5000 in TUM recordings. Default 1000 */
-    float depth_min_m, depth_max_m; /* depths outside are invalid. Default 0.3 and 5. 0 and 65535 are always invalid */
+    float depth_min_m, depth_max_m; /* depths outside are invalid. Default 0.3 and 5. 0 and 65535 are always invalid, and depth
+                                      whose sigma is more than two truncations */
     float depth_noise_base_m;      /* depth error: sigma(z) = base + growth * z^2. Pairs and fusion are weighted by */
     float depth_noise_growth;      /* 1/sigma^2 relative to that at 1 m. Defaults 0.0001 m and 0.003 1/m: a step of a
                                       Kinect 360's disparity (Khoshelham and Elberink 2012, Section 3.2: 2.85 mm at 1 m) */

@@ -31,25 +31,24 @@ void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, c
     volume_raycast(v, d, c, camera_to_world, w->near_m, w->far_m, &w->map);
     const cl_float4 *model = device_map(d, &w->map, CL_MAP_READ);
     const float *depth = device_map(d, &maps->depth[0], CL_MAP_READ);
-    for (int y = 0; model && depth && y < c->height; y++)
+    const float *normals = device_map(d, &maps->normals[0], CL_MAP_READ);
+    for (int y = 0; model && depth && normals && y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
-            float z = depth[(y + PAD_Y) * c->pitch + x + PAD_X];
+            int at = (y + PAD_Y) * c->pitch + x + PAD_X;
+            float z = depth[at], weight = fminf(normals[3 * c->plane + at], 1);
             const cl_float4 *m = &model[y * c->width + x];
-            if (!(z > 0)) continue;
-            out->seen++;
-            if (!(m->s[3] > 0)) continue;
-            out->visible++;
+            if (!(z > 0 && weight > 0 && m->s[3] > 0)) continue;
+            out->visible += weight;
             float apart = z - m->s[3];
             float slope =
                 m->s[0] * ((float)x - c->cx) / c->fx + m->s[1] * ((float)y - c->cy) / c->fy + m->s[2];
             float sigma = maps->noise.s[0] + maps->noise.s[1] * z * z;
             if (fabsf(apart * slope) < tolerance_m + 3 * sigma)
-                out->agree++;
+                out->agree += weight;
             else if (apart > 0)
-                out->through++;
-            else
-                out->front++;
+                out->through += weight;
         }
+    device_unmap(d, &maps->normals[0], (void *)normals);
     device_unmap(d, &maps->depth[0], (void *)depth);
     device_unmap(d, &w->map, (void *)model);
 }

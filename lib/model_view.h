@@ -11,13 +11,12 @@ typedef struct {
     float near_m, far_m;
 } model_view;
 
-/* A frame held against the surface as it should look from a pose, pixel by pixel of the coarsest maps. */
+/* A frame held against the surface as it should look from a pose: sums over the pixels of the coarsest maps, each counting
+ * by its confidence (that of alignment), one at most, so that a noisy background doesn't outvote what is near. */
 typedef struct {
-    int visible; /* pixels where the surface should be seen, and the frame sees something */
-    int agree;   /* of these: within the tolerance of each other, across the surface */
-    int through; /* the frame sees further: through what should be there */
-    int front;   /* the frame sees something before it */
-    int seen;    /* pixels of the frame with a depth */
+    float visible; /* where the surface should be seen, and the frame sees something */
+    float agree;   /* of these: within the tolerance of each other, across the surface */
+    float through; /* the frame sees further: through what should be there */
 } comparison;
 
 void model_view_init(model_view *w, device *d, arena *a, const fathom_config *config, const depth_maps *maps);

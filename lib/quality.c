@@ -11,10 +11,8 @@ fathom_verdict judge(const fathom_config *c, const alignment *a, double innovati
 }
 
 fathom_verdict judge_view(const fathom_config *c, const comparison *k) {
-    if (k->agree < c->min_agreement * (float)k->visible ||
-        k->through > c->max_see_through * (float)k->visible)
-        return FATHOM_VERDICT_CONTRADICTION;
-    return FATHOM_VERDICT_TRACKING;
+    bool agree = k->agree >= c->min_agreement * k->visible, through = k->through > c->max_see_through * k->visible;
+    return agree && !through ? FATHOM_VERDICT_TRACKING : FATHOM_VERDICT_CONTRADICTION;
 }
 
 fathom_verdict judge_certainty(const fathom_config *c, const double covariance[36]) {

@@ -144,8 +144,8 @@ static void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed,
         comparison k;
         model_view_compare(&f->view, &f->device, &f->maps, &f->volume, &icp->motion,
                            c->agreement_m + c->voxel_m, &k);
-        r->agreement = (float)k.agree / fmaxf((float)k.visible, 1);
-        r->see_through = (float)k.through / fmaxf((float)k.visible, 1);
+        r->agreement = k.visible > 0 ? k.agree / k.visible : 0;
+        r->see_through = k.visible > 0 ? k.through / k.visible : 0;
         r->verdict = judge_view(c, &k);
     }
     if (r->verdict == FATHOM_VERDICT_TRACKING && c->prior == FATHOM_PRIOR_INFORMATION)
