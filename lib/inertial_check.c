@@ -37,9 +37,23 @@ static pose imu_pose(const inertial *n, const pose *camera) {
     return imu;
 }
 
-/* Integrates samples over [e->from_ns, e->to_ns], the camera turning evenly by `turn` from r on. False where samples are
- * missing. */
-static bool integrate(const inertial *n, const double r[9], const double turn[3], plausibility_interval *e) {
+/* Goes on by dt at a rate, bias still in it: turned is the turn so far, by_bias what a bias does to it. */
+static void turn_on(const inertial *n, const double rate[3], double dt, rig_interval *w) {
+    double v[3], step[9];
+    for (int k = 0; k < 3; k++) {
+        w->rate_to[k] = rate[k] - n->refiner.bias[k];
+        v[k] = dt * w->rate_to[k];
+    }
+    so3_exp(v, step);
+    so3_multiply(w->turned, step, w->turned);
+    so3_transpose_multiply(step, w->by_bias, w->by_bias);
+    for (int k = 0; k < 3; k++) w->by_bias[4 * k] += dt;
+}
+
+/* Integrates samples over [e->from_ns, e->to_ns], the camera turning evenly by `turn` from r on. w: the gyroscope's turn
+ * alone, by its own rate. False where samples are missing. */
+static bool integrate(const inertial *n, const double r[9], const double turn[3], plausibility_interval *e,
+                      rig_interval *w) {
     double rate[3] = {0, 0, 0}, force[3] = {0, 0, 0}, whole = (double)(e->to_ns - e->from_ns);
     int64_t longest = 5 * n->period_ns;
     unsigned i = n->count;
@@ -55,15 +69,18 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
         double f = b ? (middle - (double)(a->timestamp_ns - e->from_ns)) /
                            (double)(b->timestamp_ns - a->timestamp_ns)
                      : 0;
-        double part[9], amid[9], here[3], w[3];
+        double part[9], amid[9], here[3], here_rate[3], v[3];
         if (!b) b = a;
         for (int k = 0; k < 3; k++) {
-            w[k] = turn[k] * middle / whole;
-            rate[k] += dt * ((1 - f) * a->gyro[k] + f * b->gyro[k]);
+            v[k] = turn[k] * middle / whole;
+            here_rate[k] = (1 - f) * a->gyro[k] + f * b->gyro[k];
+            rate[k] += dt * here_rate[k];
             here[k] = (1 - f) * a->accel[k] + f * b->accel[k];
         }
         if (!isfinite(here[0] + here[1] + here[2])) e->has_force = false;
-        so3_exp(w, part);
+        turn_on(n, here_rate, dt, w);
+        if (t == e->from_ns) memcpy(w->rate_from, w->rate_to, sizeof w->rate_from);
+        so3_exp(v, part);
         so3_multiply(r, part, amid);
         for (int k = 0; k < 3; k++) {
             double up = amid[3 * k] * here[0] + amid[3 * k + 1] * here[1] + amid[3 * k + 2] * here[2];
@@ -82,10 +99,12 @@ static void add_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns)
     int64_t length = n->base_ns == INT64_MIN ? INT64_MAX : timestamp_ns - n->base_ns;
     if (length < INTERVAL_NS) return;
     plausibility_interval e = {.from_ns = n->base_ns, .to_ns = timestamp_ns};
+    rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     pose way = pose_between(&n->base, aligned), from = imu_pose(n, &n->base), to = imu_pose(n, aligned);
     double turn[3], half[3], part[9];
     so3_log(way.r, turn);
-    if (length < INTERVAL_MOST_NS && pose_angle(&way) < INTERVAL_TURN && integrate(n, n->base.r, turn, &e)) {
+    if (length < INTERVAL_MOST_NS && pose_angle(&way) < INTERVAL_TURN &&
+        integrate(n, n->base.r, turn, &e, &w)) {
         for (int k = 0; k < 3; k++) {
             half[k] = 0.5 * turn[k];
             e.moved[k] = to.t[k] - from.t[k];
@@ -95,7 +114,10 @@ static void add_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns)
         so3_multiply(n->base.r, part, e.imu_to_world);
         so3_multiply(e.imu_to_world, n->rotation, e.imu_to_world);
         e.has_force = e.has_force && n->force_usable;
-        plausibility_add(&n->check, &e);
+        if (n->config->imu_check) plausibility_add(&n->check, &e);
+        memcpy(w.from, n->base.r, sizeof w.from);
+        memcpy(w.to, aligned->r, sizeof w.to);
+        if (n->config->refine_rig) inertial_rig_add(n, &w, e.from_ns, e.to_ns);
     }
     n->base = *aligned;
     n->base_ns = timestamp_ns;
@@ -127,9 +149,11 @@ static void tell(inertial *n, bool gyro) {
 }
 
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns) {
-    if (!n->config->imu_check || !n->usable) return;
-    plausibility_frame(&n->check, timestamp_ns);
+    const fathom_config *c = n->config;
+    if (!(c->imu_check || c->refine_rig) || !n->usable) return;
+    if (c->imu_check) plausibility_frame(&n->check, timestamp_ns);
     if (aligned) add_evidence(n, aligned, timestamp_ns);
+    if (!c->imu_check) return;
     if (accepted) {
         pose now = n->corrected;
         n->moving = n->accepted_ns != INT64_MIN;
