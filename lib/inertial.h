@@ -71,7 +71,8 @@ typedef struct {
     /* lib/inertial_rig.c's */
     rig_refiner refiner;
     int64_t refined_ns;    /* added to stamps beside the setting's offset */
-    int64_t refined_at_ns; /* stamp of the last frame that the refiner heard of; INT64_MIN: none yet */
+    pose refined_at;       /* the last frame that the refiner heard of */
+    int64_t refined_at_ns; /* its stamp; INT64_MIN: none yet */
 } inertial;
 
 typedef struct {
@@ -110,10 +111,10 @@ void inertial_correct(inertial *n, const pose *accepted, const double informatio
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns);
 void inertial_check_reset(inertial *n);
 
-/* lib/inertial_rig.c: rotation and clock offset go back to the settings; what inertial_check gathered refines them; where
- * they are. */
+/* lib/inertial_rig.c: rotation and clock offset go back to the settings; the way from the last well-aligned frame to this
+ * one refines them (NULL: there is nothing to compare); what they are. */
 void inertial_rig_reset(inertial *n);
-void inertial_rig_add(inertial *n, const rig_interval *i, int64_t from_ns, int64_t to_ns);
+void inertial_rig_add(inertial *n, const rig_interval *i, const pose *aligned, int64_t timestamp_ns);
 void inertial_rig(const inertial *n, fathom_rig *rig);
 
 /* While the IMU isn't known to be right: where the camera would be if it had kept the velocity of the accepted poses. False

@@ -95,32 +95,43 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
     return true;
 }
 
+/* What alignment, gyroscope and accelerometer say of the way from one frame to another. False where they can't be compared. */
+static bool compare(const inertial *n, const pose *base, const pose *aligned, plausibility_interval *e,
+                    rig_interval *w) {
+    pose way = pose_between(base, aligned), from = imu_pose(n, base), to = imu_pose(n, aligned);
+    double turn[3], half[3], part[9];
+    if (e->to_ns - e->from_ns >= INTERVAL_MOST_NS || pose_angle(&way) >= INTERVAL_TURN) return false;
+    so3_log(way.r, turn);
+    if (!integrate(n, base->r, turn, e, w)) return false;
+    for (int k = 0; k < 3; k++) {
+        half[k] = 0.5 * turn[k];
+        e->moved[k] = to.t[k] - from.t[k];
+    }
+    turn_back(n->rotation, turn, e->turn);
+    so3_exp(half, part);
+    so3_multiply(base->r, part, e->imu_to_world);
+    so3_multiply(e->imu_to_world, n->rotation, e->imu_to_world);
+    e->has_force = e->has_force && n->force_usable;
+    memcpy(w->from, base->r, sizeof w->from);
+    memcpy(w->to, aligned->r, sizeof w->to);
+    return true;
+}
+
 static void add_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns) {
     int64_t length = n->base_ns == INT64_MIN ? INT64_MAX : timestamp_ns - n->base_ns;
     if (length < INTERVAL_NS) return;
     plausibility_interval e = {.from_ns = n->base_ns, .to_ns = timestamp_ns};
     rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
-    pose way = pose_between(&n->base, aligned), from = imu_pose(n, &n->base), to = imu_pose(n, aligned);
-    double turn[3], half[3], part[9];
-    so3_log(way.r, turn);
-    if (length < INTERVAL_MOST_NS && pose_angle(&way) < INTERVAL_TURN &&
-        integrate(n, n->base.r, turn, &e, &w)) {
-        for (int k = 0; k < 3; k++) {
-            half[k] = 0.5 * turn[k];
-            e.moved[k] = to.t[k] - from.t[k];
-        }
-        turn_back(n->rotation, turn, e.turn);
-        so3_exp(half, part);
-        so3_multiply(n->base.r, part, e.imu_to_world);
-        so3_multiply(e.imu_to_world, n->rotation, e.imu_to_world);
-        e.has_force = e.has_force && n->force_usable;
-        if (n->config->imu_check) plausibility_add(&n->check, &e);
-        memcpy(w.from, n->base.r, sizeof w.from);
-        memcpy(w.to, aligned->r, sizeof w.to);
-        if (n->config->refine_rig) inertial_rig_add(n, &w, e.from_ns, e.to_ns);
-    }
+    if (n->base_ns != INT64_MIN && compare(n, &n->base, aligned, &e, &w)) plausibility_add(&n->check, &e);
     n->base = *aligned;
     n->base_ns = timestamp_ns;
+}
+
+static void add_rig_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns) {
+    plausibility_interval e = {.from_ns = n->refined_at_ns, .to_ns = timestamp_ns};
+    rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    bool good = e.from_ns != INT64_MIN && compare(n, &n->refined_at, aligned, &e, &w);
+    inertial_rig_add(n, good ? &w : NULL, aligned, timestamp_ns);
 }
 
 /* The navigator begins anew at the accepted pose: what it made of wrong samples is in all of its state. */
@@ -152,8 +163,9 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
     const fathom_config *c = n->config;
     if (!(c->imu_check || c->refine_rig) || !n->usable) return;
     if (c->imu_check) plausibility_frame(&n->check, timestamp_ns);
-    if (aligned) add_evidence(n, aligned, timestamp_ns);
+    if (aligned && c->refine_rig) add_rig_evidence(n, aligned, timestamp_ns);
     if (!c->imu_check) return;
+    if (aligned) add_evidence(n, aligned, timestamp_ns);
     if (accepted) {
         pose now = n->corrected;
         n->moving = n->accepted_ns != INT64_MIN;

@@ -42,10 +42,14 @@ static void apply(inertial *n, const double mounting[3], double offset) {
     if (n->running) navigator_turn_imu(&n->state, mounting);
 }
 
-void inertial_rig_add(inertial *n, const rig_interval *i, int64_t from_ns, int64_t to_ns) {
+void inertial_rig_add(inertial *n, const rig_interval *i, const pose *aligned, int64_t timestamp_ns) {
     double mounting[3], offset;
-    rig_refiner_add(&n->refiner, i, 1e-9 * (double)(to_ns - from_ns), n->refined_at_ns == from_ns);
-    n->refined_at_ns = to_ns;
+    if (i)
+        rig_refiner_add(&n->refiner, i, 1e-9 * (double)(timestamp_ns - n->refined_at_ns));
+    else
+        rig_refiner_break(&n->refiner);
+    n->refined_at = *aligned;
+    n->refined_at_ns = timestamp_ns;
     if (rig_refiner_take(&n->refiner, mounting, &offset)) apply(n, mounting, offset);
 }
 

@@ -6,17 +6,16 @@
 #include "pose.h"
 
 #define N RIG_STATES
-#define POSE_NOISE                                                                                           \
-    0.0015              /* rad: how wrong alignment's orientation usually is, from one interval to the next */
-#define TURN_NOISE 0.01 /* of a turn: scale and skew of the gyroscope, distortion of the lens */
-#define GYRO_NOISE 0.0005   /* rad/sqrt(s) */
-#define NOISE_LEAST 0.1     /* a better camera and gyroscope than usual */
+#define POSE_NOISE 0.002    /* rad: how wrong alignment has an orientation, usually */
+#define TURN_NOISE 0.004    /* rad/sqrt(rad) of turn: scale and skew of the gyroscope, the lens */
+#define GYRO_NOISE 0.0015   /* rad/sqrt(s), with how alignment drifts */
+#define NOISE_LEAST 0.1     /* of their squares: a better camera and gyroscope than usual */
 #define NOISE_MOST 25       /* worse ones */
-#define NOISE_RATE 0.05     /* an interval's part in its logarithm */
-#define ODD 4               /* squared misfit beyond which an interval counts less, as 1 over it */
-#define ODD_INTERVALS 8     /* so many tell of a rig that was knocked: all that was known is forgotten */
+#define NOISE_RATE 0.02     /* an interval's part in its logarithm */
+#define ODD 4               /* squared misfit beyond which an interval counts less */
+#define ODD_INTERVALS 20    /* so many tell of a rig that was knocked: all is forgotten */
 #define MOUNTING_WALK 2e-4  /* rad/sqrt(s): how fast what is known gets old */
-#define OFFSET_WALK 2e-4    /* s/sqrt(s): clocks 100 ppm apart part by a millisecond in ten seconds */
+#define OFFSET_WALK 2e-4    /* s/sqrt(s): clocks 100 ppm apart part by 1 ms in 10 s */
 #define BIAS_WALK 2e-4      /* rad/s/sqrt(s) */
 #define STANDS_OUT 2.0      /* sigmas */
 #define LEAST_ROTATION 1e-4 /* rad and s: less isn't worth turning the history for */
@@ -84,9 +83,9 @@ static void predict(rig_refiner *r, const rig_interval *i, double seconds, doubl
         for (int k = 0; k < 3; k++) c[N * row + k] = multiply_row(fc[row], f[k], 1);
     }
     so3_log(i->turned, turn);
-    double angle2 = turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2];
+    double angle = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]);
     for (int k = 0; k < 3; k++)
-        c[(N + 1) * k] += r->noise * (TURN_NOISE * TURN_NOISE * angle2 + GYRO_NOISE * GYRO_NOISE * seconds);
+        c[(N + 1) * k] += r->noise * (TURN_NOISE * TURN_NOISE * angle + GYRO_NOISE * GYRO_NOISE * seconds);
     for (int k = 0; k < N; k++) c[(N + 1) * k] += walks[k] * walks[k] * seconds;
     so3_multiply(r->carried, i->turned, r->carried);
 }
@@ -107,9 +106,9 @@ static double update(const double misfit[3], double variance, double error[N], d
     return squares / 3;
 }
 
-void rig_refiner_add(rig_refiner *r, const rig_interval *i, double seconds, bool chained) {
+void rig_refiner_add(rig_refiner *r, const rig_interval *i, double seconds) {
     double error[N] = {0}, rest[9], misfit[3], variance = POSE_NOISE * POSE_NOISE;
-    if (!chained || !r->started) start_orientation(r, i->from);
+    if (!r->started) start_orientation(r, i->from);
     memcpy(error + MOUNTING, r->mounting, sizeof r->mounting);
     error[OFFSET] = r->offset;
     predict(r, i, seconds, error);
@@ -134,6 +133,10 @@ void rig_refiner_add(rig_refiner *r, const rig_interval *i, double seconds, bool
     r->odd = odd > ODD ? r->odd + 1 : r->odd > 0 ? r->odd - 1 : 0;
     r->intervals++;
     if (r->odd >= ODD_INTERVALS) forget(r); /* knocked, or the clock leapt */
+}
+
+void rig_refiner_break(rig_refiner *r) {
+    r->started = false;
 }
 
 double rig_refiner_sigma(const rig_refiner *r, int part) {

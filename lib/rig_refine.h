@@ -35,8 +35,11 @@ typedef struct {
 
 void rig_refiner_start(rig_refiner *r, double rotation_sigma, double offset_sigma, double bias_sigma);
 
-/* seconds: of the interval. chained: it begins where the last one ended. */
-void rig_refiner_add(rig_refiner *r, const rig_interval *i, double seconds, bool chained);
+/* seconds: of the interval, which begins where the last one ended. */
+void rig_refiner_add(rig_refiner *r, const rig_interval *i, double seconds);
+
+/* There is a gap between the last interval and the next. */
+void rig_refiner_break(rig_refiner *r);
 
 /* Sigma of what is found: of the mounting about a camera axis 0..2, rad, or, 3, of the offset, s. */
 double rig_refiner_sigma(const rig_refiner *r, int part);

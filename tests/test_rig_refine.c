@@ -164,7 +164,7 @@ static void a_wrong_rig_comes_right(void **state) {
     for (int g = 0; g < 2; g++)
         for (size_t w = 0; w < sizeof wrong / sizeof *wrong; w++, runs++) {
             configure(wrong[w].deg, wrong[w].s, true);
-            begin(w + 1, grades[g], 0, 1.0);
+            begin(w + 1, grades[g], 0, 2.5);
             track(0.1, 10.1);
             rig_error e = error_now();
             say(grades[g], &e);
