@@ -7,7 +7,7 @@
 
 #define N RIG_STATES
 #define POSE_NOISE 0.002    /* rad: how wrong alignment has an orientation, usually */
-#define TURN_NOISE 0.004    /* rad/sqrt(rad) of turn: scale and skew of the gyroscope, the lens */
+#define TURN_NOISE 0.008    /* rad/sqrt(rad) of turn: scale and skew of the gyroscope, the lens */
 #define GYRO_NOISE 0.0015   /* rad/sqrt(s), with how alignment drifts */
 #define NOISE_LEAST 0.1     /* of their squares: a better camera and gyroscope than usual */
 #define NOISE_MOST 25       /* worse ones */
