@@ -11,7 +11,8 @@
 #define GUESS_NS 300000000 /* a hand's velocity is no guess for longer */
 #define START_TURN 1.0     /* rad/s and m/s: a hand at the first frame */
 #define START_SPEED 0.5
-#define SAME_RAD 0.003 /* seeds that agree to within these lead alignment to the same place */
+#define SMOOTH_SECONDS 0.01 /* of the rate at an interval's end: white noise in it counts less */
+#define SAME_RAD 0.003      /* seeds that agree to within these lead alignment to the same place */
 #define SAME_M 0.002
 
 void inertial_check_reset(inertial *n) {
@@ -38,11 +39,13 @@ static pose imu_pose(const inertial *n, const pose *camera) {
 }
 
 /* Goes on by dt at a rate, bias still in it: turned is the turn so far, by_bias what a bias does to it. */
-static void turn_on(const inertial *n, const double rate[3], double dt, rig_interval *w) {
-    double v[3], step[9];
+static void turn_on(const inertial *n, const double rate[3], double dt, bool first, rig_interval *w) {
+    double v[3], step[9], smooth = exp(-dt / SMOOTH_SECONDS);
     for (int k = 0; k < 3; k++) {
-        w->rate_to[k] = rate[k] - n->refiner.bias[k];
-        v[k] = dt * w->rate_to[k];
+        double here = rate[k] - n->refiner.bias[k];
+        if (first) w->rate_from[k] = w->rate_to[k] = n->refiner.started ? n->refiner.rate[k] : here;
+        w->rate_to[k] = here + smooth * (w->rate_to[k] - here);
+        v[k] = dt * here;
     }
     so3_exp(v, step);
     so3_multiply(w->turned, step, w->turned);
@@ -78,8 +81,7 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
             here[k] = (1 - f) * a->accel[k] + f * b->accel[k];
         }
         if (!isfinite(here[0] + here[1] + here[2])) e->has_force = false;
-        turn_on(n, here_rate, dt, w);
-        if (t == e->from_ns) memcpy(w->rate_from, w->rate_to, sizeof w->rate_from);
+        turn_on(n, here_rate, dt, t == e->from_ns, w);
         so3_exp(v, part);
         so3_multiply(r, part, amid);
         for (int k = 0; k < 3; k++) {

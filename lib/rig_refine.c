@@ -6,16 +6,18 @@
 #include "pose.h"
 
 #define N RIG_STATES
-#define POSE_NOISE 0.002    /* rad: how wrong alignment has an orientation, usually */
-#define TURN_NOISE 0.008    /* rad/sqrt(rad) of turn: scale and skew of the gyroscope, the lens */
-#define GYRO_NOISE 0.0015   /* rad/sqrt(s), with how alignment drifts */
-#define NOISE_LEAST 0.1     /* of their squares: a better camera and gyroscope than usual */
-#define NOISE_MOST 25       /* worse ones */
-#define NOISE_RATE 0.02     /* an interval's part in its logarithm */
-#define ODD 4               /* squared misfit beyond which an interval counts less */
-#define ODD_INTERVALS 20    /* so many tell of a rig that was knocked: all is forgotten */
-#define MOUNTING_WALK 2e-4  /* rad/sqrt(s): how fast what is known gets old */
-#define OFFSET_WALK 2e-4    /* s/sqrt(s): clocks 100 ppm apart part by 1 ms in 10 s */
+#define POSE_NOISE 0.002  /* rad: how wrong alignment has an orientation, usually */
+#define TURN_NOISE 0.008  /* rad/sqrt(rad) of turn: scale and skew of the gyroscope, the lens */
+#define GYRO_NOISE 0.0015 /* rad/sqrt(s), with how alignment drifts */
+#define NOISE_LEAST 0.1   /* of their squares: a better camera and gyroscope than usual */
+#define NOISE_MOST 25     /* worse ones */
+#define NOISE_RATE 0.02   /* an interval's part in its logarithm */
+#define ODD 4             /* squared misfit beyond which an interval counts less */
+#define KNOCKED 2         /* squared misfit over MISFIT_INTERVALS: the rig isn't what it was */
+#define MISFIT_INTERVALS 16
+#define QUIET_RATE 0.03     /* rad/s: slower turning may be noise, and tells nothing */
+#define MOUNTING_WALK 1e-3  /* rad/sqrt(s): how fast what is known gets old */
+#define OFFSET_WALK 3e-4    /* s/sqrt(s): clocks 100 ppm apart part by 1 ms in 10 s */
 #define BIAS_WALK 2e-4      /* rad/s/sqrt(s) */
 #define STANDS_OUT 2.0      /* sigmas */
 #define LEAST_ROTATION 1e-4 /* rad and s: less isn't worth turning the history for */
@@ -23,13 +25,12 @@
 
 enum { ORIENTATION = 0, MOUNTING = 3, OFFSET = 6, BIAS = 7 };
 
-/* What is known of the rig is what it was at first; so is the orientation, which needs a new start. */
+/* The rig is as uncertain as at first. */
 static void forget(rig_refiner *r) {
     memset(r->covariance, 0, sizeof r->covariance);
     for (int k = 0; k < N; k++) r->covariance[(N + 1) * k] = r->start[k] * r->start[k];
     r->started = false;
-    r->noise = 1;
-    r->odd = 0;
+    r->noise = r->misfit = 1;
 }
 
 void rig_refiner_start(rig_refiner *r, double rotation_sigma, double offset_sigma, double bias_sigma) {
@@ -48,16 +49,26 @@ static void start_orientation(rig_refiner *r, const double from[9]) {
     r->started = true;
 }
 
+/* How much of a rate is no noise, 0 to 1. Noise in what follows would else count as evidence, while standing still. */
+static double loudness(const double rate[3]) {
+    double square = rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2];
+    return square > QUIET_RATE * QUIET_RATE ? 1 - QUIET_RATE * QUIET_RATE / square : 0;
+}
+
 /* How the errors before an interval become that of the orientation after it. The camera's turn is exp(m) G exp(-m), where
  * G is the gyroscope's between stamps that are earlier by the offset t: exp(rate_from t) turned exp(-rate_to t). */
-static void linearise(const rig_interval *i, double f[3][N]) {
+static void linearise(const rig_interval *i, double seconds, double f[3][N]) {
+    double turn[3], rates[3];
+    so3_log(i->turned, turn);
+    for (int k = 0; k < 3; k++) rates[k] = turn[k] / seconds;
+    double turning = loudness(rates), before = loudness(i->rate_from), after = loudness(i->rate_to);
     for (int row = 0; row < 3; row++) {
-        f[row][OFFSET] = -i->rate_to[row];
+        f[row][OFFSET] = -after * i->rate_to[row];
         for (int k = 0; k < 3; k++) {
             double turned = i->turned[3 * k + row]; /* transposed */
             f[row][ORIENTATION + k] = turned;
-            f[row][MOUNTING + k] = turned - (row == k);
-            f[row][OFFSET] += turned * i->rate_from[k];
+            f[row][MOUNTING + k] = turning * (turned - (row == k));
+            f[row][OFFSET] += before * turned * i->rate_from[k];
             f[row][BIAS + k] = -i->by_bias[3 * row + k];
         }
     }
@@ -74,7 +85,7 @@ static void predict(rig_refiner *r, const rig_interval *i, double seconds, doubl
     const double walks[N] = {0,           0,         0,         MOUNTING_WALK, MOUNTING_WALK, MOUNTING_WALK,
                              OFFSET_WALK, BIAS_WALK, BIAS_WALK, BIAS_WALK};
     double f[3][N], fc[3][N], turn[3], *c = r->covariance;
-    linearise(i, f);
+    linearise(i, seconds, f);
     for (int row = 0; row < 3; row++) error[row] = multiply_row(f[row], error, 1);
     for (int row = 0; row < 3; row++)
         for (int k = 0; k < N; k++) fc[row][k] = multiply_row(f[row], c + k, N);
@@ -130,9 +141,10 @@ void rig_refiner_add(rig_refiner *r, const rig_interval *i, double seconds) {
     so3_exp(next + ORIENTATION, rest);
     so3_multiply(r->carried, rest, r->carried);
     r->noise = fmin(fmax(r->noise * exp(NOISE_RATE * (fmin(odd, ODD) - 1)), NOISE_LEAST), NOISE_MOST);
-    r->odd = odd > ODD ? r->odd + 1 : r->odd > 0 ? r->odd - 1 : 0;
+    r->misfit += (fmin(odd, 8) - r->misfit) / MISFIT_INTERVALS;
+    memcpy(r->rate, i->rate_to, sizeof r->rate);
     r->intervals++;
-    if (r->odd >= ODD_INTERVALS) forget(r); /* knocked, or the clock leapt */
+    if (r->misfit > KNOCKED) forget(r); /* or the clock leapt */
 }
 
 void rig_refiner_break(rig_refiner *r) {

@@ -17,7 +17,7 @@ typedef struct {
     double from[9], to[9]; /* alignment's: camera to world */
     double turned[9];      /* the gyroscope's, the refiner's bias taken off: later camera to earlier */
     double by_bias[9];     /* seconds: a bias b more turns it by exp(-by_bias b) */
-    double rate_from[3], rate_to[3]; /* rad/s, at both ends */
+    double rate_from[3], rate_to[3]; /* rad/s, at both ends, smoothed */
 } rig_interval;
 
 typedef struct {
@@ -28,8 +28,9 @@ typedef struct {
     double bias[3];     /* of the gyroscope, rad/s */
     double covariance[RIG_STATES * RIG_STATES]; /* orientation, mounting, offset, bias */
     double start[RIG_STATES];                   /* sigmas */
-    double noise; /* variance of alignment and turn, in units of what is usual */
-    int odd;      /* how many intervals more contradicted than agreed, lately */
+    double noise;   /* variance of alignment and turn, in units of what is usual */
+    double misfit;  /* squared, as intervals had it lately; 1 is expected */
+    double rate[3]; /* at the end of the last interval */
     int intervals;
 } rig_refiner;
 
