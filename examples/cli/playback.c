@@ -95,7 +95,7 @@ void playback_push_imu(struct playback *playback, const fathom_recording *record
     fathom_rig rig;
     fathom_get_rig(playback->scan, &rig);
     const int64_t later_ns = rig.imu_clock_offset_ns - playback->imu_clock_offset_ns;
-    const int until = imu_until(recording, playback->next_imu, index, later_ns);
+    const int until = imu_until(recording, playback->next_imu, index, later_ns < 0 ? later_ns : 0);
     for (; playback->next_imu < until; playback->next_imu++)
         fathom_push_imu(playback->scan, &recording->imu[playback->next_imu]);
 }
