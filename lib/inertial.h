@@ -71,6 +71,9 @@ typedef struct {
     /* lib/inertial_rig.c's */
     rig_refiner refiner;
     int64_t refined_ns;    /* added to stamps beside the setting's offset */
+    pose awaited;          /* an aligned frame that the samples haven't reached yet */
+    int64_t awaited_ns;    /* its stamp */
+    bool awaiting;         /* there is one */
     pose refined_at;       /* the last frame that the refiner heard of */
     int64_t refined_at_ns; /* its stamp; INT64_MIN: none yet */
 } inertial;

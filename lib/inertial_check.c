@@ -129,11 +129,24 @@ static void add_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns)
     n->base_ns = timestamp_ns;
 }
 
-static void add_rig_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns) {
-    plausibility_interval e = {.from_ns = n->refined_at_ns, .to_ns = timestamp_ns};
+/* The awaited pose, once the samples reach it. */
+static void use_awaited(inertial *n) {
+    if (!n->awaiting || n->count == 0 || sample(n, n->count - 1)->timestamp_ns < n->awaited_ns) return;
+    plausibility_interval e = {.from_ns = n->refined_at_ns, .to_ns = n->awaited_ns};
     rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
-    bool good = e.from_ns != INT64_MIN && compare(n, &n->refined_at, aligned, &e, &w);
-    inertial_rig_add(n, good ? &w : NULL, aligned, timestamp_ns);
+    bool good = e.from_ns != INT64_MIN && compare(n, &n->refined_at, &n->awaited, &e, &w);
+    n->awaiting = false;
+    inertial_rig_add(n, good ? &w : NULL, &n->awaited, n->awaited_ns);
+}
+
+/* Samples may end before the frame does, all the more where the clock offset is wrong: its pose waits for them. */
+static void add_rig_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns) {
+    use_awaited(n);
+    if (n->awaiting && timestamp_ns - n->awaited_ns < INTERVAL_MOST_NS) return;
+    n->awaited = *aligned;
+    n->awaited_ns = timestamp_ns;
+    n->awaiting = true;
+    use_awaited(n);
 }
 
 /* The navigator begins anew at the accepted pose: what it made of wrong samples is in all of its state. */

@@ -9,6 +9,7 @@ void inertial_rig_reset(inertial *n) {
     for (int i = 0; i < 9; i++) n->rotation[i] = c->imu_to_camera_rotation[i];
     n->refined_ns = 0;
     n->refined_at_ns = INT64_MIN;
+    n->awaiting = false;
     rig_refiner_start(&n->refiner, c->rig_rotation_sigma, 1e-9 * (double)c->rig_clock_sigma_ns,
                       c->gyro_bias_sigma);
 }

@@ -13,7 +13,7 @@
 #define NOISE_MOST 25     /* worse ones */
 #define NOISE_RATE 0.02   /* an interval's part in its logarithm */
 #define ODD 4             /* squared misfit beyond which an interval counts less */
-#define KNOCKED 2         /* squared misfit over MISFIT_INTERVALS: the rig isn't what it was */
+#define KNOCKED 1.7       /* squared misfit over MISFIT_INTERVALS: the rig isn't what it was */
 #define MISFIT_INTERVALS 16
 #define QUIET_RATE 0.03     /* rad/s: slower turning may be noise, and tells nothing */
 #define MOUNTING_WALK 1e-3  /* rad/sqrt(s): how fast what is known gets old */
@@ -132,7 +132,7 @@ void rig_refiner_add(rig_refiner *r, const rig_interval *i, double seconds) {
     if (odd > ODD) {
         memcpy(next, error, sizeof next);
         memcpy(c, r->covariance, sizeof c);
-        update(misfit, r->noise * variance * odd * odd / ODD, next, c);
+        update(misfit, r->noise * variance * odd, next, c);
     }
     memcpy(r->covariance, c, sizeof c);
     memcpy(r->mounting, next + MOUNTING, sizeof r->mounting);
