@@ -44,6 +44,8 @@ fathom_config fathom_config_default(void) {
     c.memory_cap_bytes = (int64_t)128 << 20;
     c.imu = c.imu_translation = c.imu_check = true;
     c.imu_to_camera_rotation[0] = c.imu_to_camera_rotation[4] = c.imu_to_camera_rotation[8] = 1;
+    c.rig_rotation_sigma = 0.05f;
+    c.rig_clock_sigma_ns = 20000000;
     c.gravity = 9.80665f;
     c.gyro_noise = 5e-3f;
     c.gyro_bias_sigma = 0.02f;
@@ -129,6 +131,8 @@ int config_check(const fathom_config *c) {
         {"imu_to_camera_translation[1]", c->imu_to_camera_translation[1], -10, 10},
         {"imu_to_camera_translation[2]", c->imu_to_camera_translation[2], -10, 10},
         {"imu_clock_offset_ns", (double)c->imu_clock_offset_ns, -STAMP_MOST, STAMP_MOST},
+        {"rig_rotation_sigma", c->rig_rotation_sigma, 1e-6, 1},
+        {"rig_clock_sigma_ns", (double)c->rig_clock_sigma_ns, 1e3, 1e9},
         {"gravity", c->gravity, 0, 100},
         {"gyro_noise", c->gyro_noise, 0, 10},
         {"gyro_bias_sigma", c->gyro_bias_sigma, 0, 10},

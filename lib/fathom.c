@@ -259,6 +259,12 @@ int fathom_pose(fathom *f, float matrix[16], float covariance[36]) {
     return FATHOM_OK;
 }
 
+int fathom_get_rig(fathom *f, fathom_rig *rig) {
+    if (!f || !rig) return FATHOM_ERROR_ARGUMENT;
+    inertial_rig(&f->inertial, rig);
+    return FATHOM_OK;
+}
+
 int fathom_get_counters(fathom *f, fathom_counters *counters) {
     if (!f || !counters) return FATHOM_ERROR_ARGUMENT;
     inertial_drain(&f->inertial);

@@ -212,6 +212,11 @@ typedef struct {
     float imu_to_camera_rotation[9];    /* row-major: v_camera = R v_imu. Default identity */
     float imu_to_camera_translation[3]; /* the IMU's origin in camera axes, metres. Default zero */
     int64_t imu_clock_offset_ns;   /* added to an IMU stamp to get the depth clock. Default 0 */
+    bool refine_rig;               /* refine that rotation and that offset while scanning, by comparing the gyroscope with the
+                                      turning of well-aligned frames (fathom_get_rig): for a rig whose values are a little
+                                      wrong, or drift. Default false: they are exact */
+    float rig_rotation_sigma;      /* how wrong they may be then: about each axis, radians; 1e-6..1. Default 0.05 */
+    int64_t rig_clock_sigma_ns;    /* and the offset; 1000..1e9. Default 20 ms */
     float gravity;                 /* m/s^2. Default 9.80665 */
     float gyro_noise;              /* noise density, rad/s/sqrt(Hz), with what scale errors add (a phone's alone: 1e-4).
                                       Default 5e-3 */
@@ -371,6 +376,20 @@ FATHOM_API int fathom_inertial_estimate(fathom *context, int64_t from_ns, int64_
 
 /* The latest pose (row-major 4x4, camera to world) and, where not NULL, its 6x6 covariance. Stepping thread. */
 FATHOM_API int fathom_pose(fathom *context, float pose[16], float covariance[36]);
+
+/* The IMU's place on the rig, as the library takes it to be: the settings, or, with refine_rig, the best estimate so far.
+ * Turns that were never made tell nothing: about their axis the sigma stays as it was. */
+typedef struct {
+    float imu_to_camera_rotation[9]; /* row-major: v_camera = R v_imu */
+    float rotation_sigma[3];         /* rad, about the camera's axes; 0 without refine_rig */
+    int64_t imu_clock_offset_ns;     /* what an IMU stamp needs to be on the depth clock; without the leaps that were
+                                        noticed (imu_clock_leaps) */
+    int64_t clock_sigma_ns;          /* of that; 0 without refine_rig */
+    int intervals;                   /* pairs of frames that were compared; 0 without refine_rig */
+} fathom_rig;
+
+/* fathom_reset goes back to the settings. A later scan may start from these values as its settings. Stepping thread. */
+FATHOM_API int fathom_get_rig(fathom *context, fathom_rig *rig);
 
 /* What has been counted since fathom_init. */
 typedef struct {

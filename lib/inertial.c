@@ -64,7 +64,6 @@ void inertial_init(inertial *n, arena *a, const fathom_config *config) {
     n->ring = ring;
     n->history = history;
     n->capacity = capacity;
-    for (int i = 0; i < 9; i++) n->rotation[i] = config->imu_to_camera_rotation[i];
     for (int i = 0; i < 3; i++) n->lever[i] = config->imu_to_camera_translation[i];
     inertial_reset(n);
 }
@@ -85,6 +84,7 @@ void inertial_reset(inertial *n) {
     n->gyro_error = n->turn_error = 0;
     n->against = 0;
     n->clocks = (clock_watch){0};
+    inertial_rig_reset(n);
     inertial_check_reset(n);
 }
 
@@ -213,7 +213,8 @@ static bool sudden(const inertial_sample *a, const inertial_sample *b) {
 /* Onto the depth clock and into camera axes. A sudden change waits for the next sample: a glitch ends with it. */
 static void take(inertial *n, const fathom_imu_sample *raw) {
     inertial_sample s = {.timestamp_ns =
-                             raw->timestamp_ns + n->config->imu_clock_offset_ns + n->clock_shift_ns};
+                             raw->timestamp_ns + n->config->imu_clock_offset_ns + n->refined_ns +
+                                        n->clock_shift_ns};
     if (s.timestamp_ns < -STAMP_MOST || s.timestamp_ns > STAMP_MOST) {
         n->counters.imu_implausible++;
         return;

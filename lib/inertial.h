@@ -11,6 +11,7 @@
 #include "navigator.h"
 #include "plausibility.h"
 #include "pose.h"
+#include "rig_refine.h"
 
 /* A sample on the depth clock, in camera axes. */
 typedef struct {
@@ -70,6 +71,14 @@ typedef struct {
     int64_t base_ns, accepted_ns; /* INT64_MIN: none */
     double velocity[3];        /* m/s, world, from the last two accepted poses */
     bool moving;               /* that is known */
+    /* lib/inertial_rig.c's */
+    rig_refiner refiner;
+    int64_t refined_ns;    /* added to stamps beside the setting's offset */
+    pose awaited;          /* an aligned frame that the samples haven't reached yet */
+    int64_t awaited_ns;    /* its stamp */
+    bool awaiting;         /* there is one */
+    pose refined_at;       /* the last frame that the refiner heard of */
+    int64_t refined_at_ns; /* its stamp; INT64_MIN: none yet */
 } inertial;
 
 typedef struct {
@@ -107,6 +116,12 @@ void inertial_correct(inertial *n, const pose *accepted, const double informatio
  * directions. accepted: it is the frame's pose. Warns, and stops using what is wrong. */
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns);
 void inertial_check_reset(inertial *n);
+
+/* lib/inertial_rig.c: rotation and clock offset go back to the settings; the way from the last well-aligned frame to this
+ * one refines them (NULL: there is nothing to compare); what they are. */
+void inertial_rig_reset(inertial *n);
+void inertial_rig_add(inertial *n, const rig_interval *i, const pose *aligned, int64_t timestamp_ns);
+void inertial_rig(const inertial *n, fathom_rig *rig);
 
 /* While the IMU isn't known to be right: where the camera would be if it had kept the velocity of the accepted poses. False
  * when there is no need for that (seed: where it is by inertia) or no such velocity. */

@@ -11,7 +11,8 @@
 #define GUESS_NS 300000000 /* a hand's velocity is no guess for longer */
 #define START_TURN 1.0     /* rad/s and m/s: a hand at the first frame */
 #define START_SPEED 0.5
-#define SAME_RAD 0.003 /* seeds that agree to within these lead alignment to the same place */
+#define SMOOTH_SECONDS 0.01 /* of the rate at an interval's end: white noise in it counts less */
+#define SAME_RAD 0.003      /* seeds that agree to within these lead alignment to the same place */
 #define SAME_M 0.002
 
 void inertial_check_reset(inertial *n) {
@@ -37,9 +38,25 @@ static pose imu_pose(const inertial *n, const pose *camera) {
     return imu;
 }
 
-/* Integrates samples over [e->from_ns, e->to_ns], the camera turning evenly by `turn` from r on. False where samples are
- * missing. */
-static bool integrate(const inertial *n, const double r[9], const double turn[3], plausibility_interval *e) {
+/* Goes on by dt at a rate, bias still in it: turned is the turn so far, by_bias what a bias does to it. */
+static void turn_on(const inertial *n, const double rate[3], double dt, bool first, rig_interval *w) {
+    double v[3], step[9], smooth = exp(-dt / SMOOTH_SECONDS);
+    for (int k = 0; k < 3; k++) {
+        double here = rate[k] - n->refiner.bias[k];
+        if (first) w->rate_from[k] = w->rate_to[k] = n->refiner.started ? n->refiner.rate[k] : here;
+        w->rate_to[k] = here + smooth * (w->rate_to[k] - here);
+        v[k] = dt * here;
+    }
+    so3_exp(v, step);
+    so3_multiply(w->turned, step, w->turned);
+    so3_transpose_multiply(step, w->by_bias, w->by_bias);
+    for (int k = 0; k < 3; k++) w->by_bias[4 * k] += dt;
+}
+
+/* Integrates samples over [e->from_ns, e->to_ns], the camera turning evenly by `turn` from r on. w: the gyroscope's turn
+ * alone, by its own rate. False where samples are missing. */
+static bool integrate(const inertial *n, const double r[9], const double turn[3], plausibility_interval *e,
+                      rig_interval *w) {
     double rate[3] = {0, 0, 0}, force[3] = {0, 0, 0}, whole = (double)(e->to_ns - e->from_ns);
     int64_t longest = 5 * n->period_ns;
     unsigned i = n->count;
@@ -55,15 +72,17 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
         double f = b ? (middle - (double)(a->timestamp_ns - e->from_ns)) /
                            (double)(b->timestamp_ns - a->timestamp_ns)
                      : 0;
-        double part[9], amid[9], here[3], w[3];
+        double part[9], amid[9], here[3], here_rate[3], v[3];
         if (!b) b = a;
         for (int k = 0; k < 3; k++) {
-            w[k] = turn[k] * middle / whole;
-            rate[k] += dt * ((1 - f) * a->gyro[k] + f * b->gyro[k]);
+            v[k] = turn[k] * middle / whole;
+            here_rate[k] = (1 - f) * a->gyro[k] + f * b->gyro[k];
+            rate[k] += dt * here_rate[k];
             here[k] = (1 - f) * a->accel[k] + f * b->accel[k];
         }
         if (!isfinite(here[0] + here[1] + here[2])) e->has_force = false;
-        so3_exp(w, part);
+        turn_on(n, here_rate, dt, t == e->from_ns, w);
+        so3_exp(v, part);
         so3_multiply(r, part, amid);
         for (int k = 0; k < 3; k++) {
             double up = amid[3 * k] * here[0] + amid[3 * k + 1] * here[1] + amid[3 * k + 2] * here[2];
@@ -78,27 +97,56 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
     return true;
 }
 
+/* What alignment, gyroscope and accelerometer say of the way from one frame to another. False where they can't be compared. */
+static bool compare(const inertial *n, const pose *base, const pose *aligned, plausibility_interval *e,
+                    rig_interval *w) {
+    pose way = pose_between(base, aligned), from = imu_pose(n, base), to = imu_pose(n, aligned);
+    double turn[3], half[3], part[9];
+    if (e->to_ns - e->from_ns >= INTERVAL_MOST_NS || pose_angle(&way) >= INTERVAL_TURN) return false;
+    so3_log(way.r, turn);
+    if (!integrate(n, base->r, turn, e, w)) return false;
+    for (int k = 0; k < 3; k++) {
+        half[k] = 0.5 * turn[k];
+        e->moved[k] = to.t[k] - from.t[k];
+    }
+    turn_back(n->rotation, turn, e->turn);
+    so3_exp(half, part);
+    so3_multiply(base->r, part, e->imu_to_world);
+    so3_multiply(e->imu_to_world, n->rotation, e->imu_to_world);
+    e->has_force = e->has_force && n->force_usable;
+    memcpy(w->from, base->r, sizeof w->from);
+    memcpy(w->to, aligned->r, sizeof w->to);
+    return true;
+}
+
 static void add_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns) {
     int64_t length = n->base_ns == INT64_MIN ? INT64_MAX : timestamp_ns - n->base_ns;
     if (length < INTERVAL_NS) return;
     plausibility_interval e = {.from_ns = n->base_ns, .to_ns = timestamp_ns};
-    pose way = pose_between(&n->base, aligned), from = imu_pose(n, &n->base), to = imu_pose(n, aligned);
-    double turn[3], half[3], part[9];
-    so3_log(way.r, turn);
-    if (length < INTERVAL_MOST_NS && pose_angle(&way) < INTERVAL_TURN && integrate(n, n->base.r, turn, &e)) {
-        for (int k = 0; k < 3; k++) {
-            half[k] = 0.5 * turn[k];
-            e.moved[k] = to.t[k] - from.t[k];
-        }
-        turn_back(n->rotation, turn, e.turn);
-        so3_exp(half, part);
-        so3_multiply(n->base.r, part, e.imu_to_world);
-        so3_multiply(e.imu_to_world, n->rotation, e.imu_to_world);
-        e.has_force = e.has_force && n->force_usable;
-        plausibility_add(&n->check, &e);
-    }
+    rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    if (n->base_ns != INT64_MIN && compare(n, &n->base, aligned, &e, &w)) plausibility_add(&n->check, &e);
     n->base = *aligned;
     n->base_ns = timestamp_ns;
+}
+
+/* The awaited pose, once the samples reach it. */
+static void use_awaited(inertial *n) {
+    if (!n->awaiting || n->count == 0 || sample(n, n->count - 1)->timestamp_ns < n->awaited_ns) return;
+    plausibility_interval e = {.from_ns = n->refined_at_ns, .to_ns = n->awaited_ns};
+    rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    bool good = e.from_ns != INT64_MIN && compare(n, &n->refined_at, &n->awaited, &e, &w);
+    n->awaiting = false;
+    inertial_rig_add(n, good ? &w : NULL, &n->awaited, n->awaited_ns);
+}
+
+/* Samples may end before the frame does, all the more where the clock offset is wrong: its pose waits for them. */
+static void add_rig_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns) {
+    use_awaited(n);
+    if (n->awaiting && timestamp_ns - n->awaited_ns < INTERVAL_MOST_NS) return;
+    n->awaited = *aligned;
+    n->awaited_ns = timestamp_ns;
+    n->awaiting = true;
+    use_awaited(n);
 }
 
 /* The navigator begins anew at the accepted pose: what it made of wrong samples is in all of its state. */
@@ -127,8 +175,11 @@ static void tell(inertial *n, bool gyro) {
 }
 
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns) {
-    if (!n->config->imu_check || !n->usable) return;
-    plausibility_frame(&n->check, timestamp_ns);
+    const fathom_config *c = n->config;
+    if (!(c->imu_check || c->refine_rig) || !n->usable) return;
+    if (c->imu_check) plausibility_frame(&n->check, timestamp_ns);
+    if (aligned && c->refine_rig) add_rig_evidence(n, aligned, timestamp_ns);
+    if (!c->imu_check) return;
     if (aligned) add_evidence(n, aligned, timestamp_ns);
     if (accepted) {
         pose now = n->corrected;

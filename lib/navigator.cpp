@@ -13,6 +13,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using RowMatrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using Observation = Eigen::Matrix<double, 6, NAVIGATOR_STATES>;
 
+#define USUAL_RATE 0.3 /* rad/s: a hand's turning that keeps its direction, for what it does to a bias */
 #define STILL_MOST 12.0 /* squared Mahalanobis distance of three: one in a hundred is further */
 
 enum { ROTATION = 0, POSITION = 3, VELOCITY = 6, GYRO_BIAS = 9, ACCEL_BIAS = 12, GRAVITY = 15 };
@@ -228,4 +229,23 @@ void navigator_still(navigator *n, double velocity_sigma, const double gyro_mean
     measure(n, VELOCITY, -Eigen::Map<const Vector3d>(n->v), velocity_sigma);
     measure(n, GYRO_BIAS, Eigen::Map<const Vector3d>(gyro_mean) - Eigen::Map<const Vector3d>(n->gyro_bias),
             gyro_sigma);
+}
+
+void navigator_turn_imu(navigator *n, const double turn[3]) {
+    Eigen::Map<Vector3d> gyro_bias(n->gyro_bias), accel_bias(n->accel_bias);
+    Eigen::Map<const Vector3d> t(turn), gravity(n->gravity);
+    Matrix3d q = rotation_exp(t);
+    gyro_bias = (q * gyro_bias).eval();
+    accel_bias = (q * accel_bias).eval();
+    Covariance f = Covariance::Identity();
+    f.block<3, 3>(GYRO_BIAS, GYRO_BIAS) = q;
+    f.block<3, 3>(ACCEL_BIAS, ACCEL_BIAS) = q;
+    Eigen::Map<RowCovariance> stored(n->covariance);
+    Covariance c = f * stored * f.transpose();
+    for (int i = 0; i < 3; i++) {
+        c(GYRO_BIAS + i, GYRO_BIAS + i) += t.squaredNorm() * USUAL_RATE * USUAL_RATE;
+        c(ACCEL_BIAS + i, ACCEL_BIAS + i) += t.squaredNorm() * gravity.squaredNorm();
+        c(GRAVITY + i, GRAVITY + i) += t.squaredNorm() * gravity.squaredNorm();
+    }
+    stored = 0.5 * (c + c.transpose());
 }

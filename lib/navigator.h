@@ -61,6 +61,10 @@ double navigator_misfit(const navigator *n, const double lever[3], const pose *c
  * where the state is sure of something else. */
 void navigator_still(navigator *n, double velocity_sigma, const double gyro_mean[3], double gyro_sigma);
 
+/* The IMU turns out to be mounted otherwise: what was taken for v is exp(turn) v. The biases turn with it, and what they and
+ * gravity have learnt by the wrong axes is as uncertain as the turn makes it. */
+void navigator_turn_imu(navigator *n, const double turn[3]);
+
 /* The camera's pose, and the covariance of it (right perturbation). */
 pose navigator_camera(const navigator *n, const double lever[3]);
 void navigator_camera_covariance(const navigator *n, const double lever[3], double covariance[36]);

@@ -1,5 +1,5 @@
 #!/bin/sh
-# fathom calibrate: the rig comes out of simulated recordings and of a real one, rig.txt keeps its other lines, and
+# fathom calibrate and replay --refine-rig: the rig comes out of simulated recordings and of a real one, rig.txt keeps its other lines, and
 # recordings that can't tell are refused with the reason.
 # Usage: sh tests/e2e_calibrate.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
@@ -105,6 +105,28 @@ else
     number=$((number + 1))
     echo "ok $number - a hand's motion and a real IMU # SKIP ../shared/data/motion_combined isn't there"
 fi
+# ate FILE: of a replay's summary.
+ate() { sed -n 's/.*ate_rmse_m=\([^ ]*\).*/\1/p' "$1"; }
+
+# refined: what a replay with --refine-rig said at its end, as a rig.txt has it.
+refined() {
+    sed -n 's/.*refined: \(imu_to_camera_rotation [^(]*\) (.*\(imu_clock_offset [^ ]*\) .*/\1\n\2/p' err >refined.rig
+}
+
+# wrong NAME ROTATION OFFSET: a recording whose true mounting is 0,0,0 and whose true offset is 0.02 s.
+wrong() {
+    sed -i "s/^imu_to_camera_rotation.*/imu_to_camera_rotation $2/; s/^imu_clock_offset.*/imu_clock_offset $3/" \
+        "$1/rig.txt" &&
+        "$fathom" replay "$1" --threads 1 --refine-rig off >off 2>err && ! grep -q refined err &&
+        "$fathom" replay "$1" --threads 1 --refine-rig on >on 2>err && refined && near refined.rig 0 0 0 0.3 0.02 0.002
+}
+
+"$fathom" simulate room e --size 160x120 --frames 240 --still 0 --turn 2.5 --threads 1 --imu-rotation=0,0,0 \
+    --imu-clock-offset=0.02 >made 2>err
+wrong e '2 -2 2' 0.005 && awk -v off="$(ate off)" -v on="$(ate on)" 'BEGIN { exit !(on < 0.7 * off) }'
+check "replay --refine-rig: off by 2 degrees about each axis and -15 ms: found, and the path is better for it" err off on
+wrong e '-2 2 1' 0.035 && awk -v off="$(ate off)" -v on="$(ate on)" 'BEGIN { exit !(on < off) }'
+check "the other way, +15 ms" err off on
 
 if [ -r "$face/depth.txt" ]; then
     calibrate "$face" --output face.rig

@@ -48,9 +48,9 @@ static int first_imu(const fathom_recording *recording) {
 }
 
 /* How far the samples must be pushed before frame 'index': one beyond its stamp, so that it can be
- * interpolated at. */
-static int imu_until(const fathom_recording *recording, int next, int index) {
-    const int64_t stamp = recording->frames[index].timestamp_ns;
+ * interpolated at. later_ns: what their stamps are to be later by than the recording says. */
+static int imu_until(const fathom_recording *recording, int next, int index, int64_t later_ns) {
+    const int64_t stamp = recording->frames[index].timestamp_ns - later_ns;
     while (next < recording->imu_count &&
            (next == 0 || recording->imu[next - 1].timestamp_ns + recording->imu_clock_offset_ns <= stamp))
         next++;
@@ -61,7 +61,7 @@ static int imu_until(const fathom_recording *recording, int next, int index) {
 static int imu_capacity(const fathom_recording *recording, int stride) {
     int most = 0, next = first_imu(recording);
     for (int i = 0; i < recording->frame_count; i += stride) {
-        const int until = imu_until(recording, next, i);
+        const int until = imu_until(recording, next, i, 0);
         if (until - next > most) most = until - next;
         next = until;
     }
@@ -87,11 +87,15 @@ int playback_start(struct playback *playback, const fathom_recording *recording,
     result = fathom_init(&playback->scan, config, playback->memory, size);
     if (result < 0) return cli_error(status_of(result), "%s", log_reason(log, result));
     playback->next_imu = first_imu(recording);
+    playback->imu_clock_offset_ns = config->imu_clock_offset_ns;
     return CLI_DONE;
 }
 
 void playback_push_imu(struct playback *playback, const fathom_recording *recording, int index) {
-    const int until = imu_until(recording, playback->next_imu, index);
+    fathom_rig rig;
+    fathom_get_rig(playback->scan, &rig);
+    const int64_t later_ns = rig.imu_clock_offset_ns - playback->imu_clock_offset_ns;
+    const int until = imu_until(recording, playback->next_imu, index, later_ns < 0 ? later_ns : 0);
     for (; playback->next_imu < until; playback->next_imu++)
         fathom_push_imu(playback->scan, &recording->imu[playback->next_imu]);
 }

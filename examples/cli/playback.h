@@ -11,7 +11,8 @@ struct playback {
     fathom_memory_plan plan;
     void *memory;
     fathom *scan;
-    int next_imu; /* the first sample that hasn't been pushed */
+    int next_imu;                /* the first sample that hasn't been pushed */
+    int64_t imu_clock_offset_ns; /* of the settings, from which --refine-rig starts */
 };
 
 /* Opens a folder and says on stderr what had to be assumed. Returns a CLI_ status, after saying what went wrong. */

@@ -1,4 +1,5 @@
 /* fathom replay: a recording goes through the library as it would have come from the rig. */
+#include "camera_path.h"
 #include "cli.h"
 #include "disturb.h"
 #include "evaluate.h"
@@ -179,6 +180,21 @@ static void say_counters(const struct replay *replay) {
                  c.frames_ignored, c.blocks_refused);
 }
 
+/* In the units of rig.txt. */
+static void say_rig(const struct replay *replay) {
+    const double degrees = 57.29577951308232;
+    double rotation[9], v[3];
+    fathom_rig rig;
+    if (!replay->options.settings.config.refine_rig || fathom_get_rig(replay->playback.scan, &rig)) return;
+    for (int i = 0; i < 9; i++) rotation[i] = rig.imu_to_camera_rotation[i];
+    vector_of_rotation(rotation, v);
+    cli_note("refined: imu_to_camera_rotation %.3f %.3f %.3f (+- %.3f %.3f %.3f about the camera's axes), "
+             "imu_clock_offset %.5f (+- %.5f), by %d intervals",
+             v[0] * degrees, v[1] * degrees, v[2] * degrees, (double)rig.rotation_sigma[0] * degrees,
+             (double)rig.rotation_sigma[1] * degrees, (double)rig.rotation_sigma[2] * degrees,
+             1e-9 * (double)rig.imu_clock_offset_ns, 1e-9 * (double)rig.clock_sigma_ns, rig.intervals);
+}
+
 static void print_number(const char *name, int decimals, double value) {
     if (isnan(value))
         printf(" %s=nan", name); /* printf may say -nan */
@@ -207,6 +223,7 @@ static void finish(struct replay *replay) {
     if (options->picture && !picture_write(replay->playback.scan, &replay->path, options->picture))
         replay->write_failed = true;
     say_counters(replay);
+    say_rig(replay);
     print_summary(replay);
 }
 

@@ -9,6 +9,7 @@ const char settings_help[] =
     "    --depth-scale N            depth units a metre (5000 TUM, 1000 millimetres); overrides rig.txt\n"
     "    --intrinsics FX,FY,CX,CY   pixels; overrides calibration.txt\n"
     "    --translation on|off       inertial translation (default on)\n"
+    "    --refine-rig on|off        refine the IMU's mounting rotation and clock offset while scanning (default off)\n"
     "    --against model|previous   align with the ray-cast surface (default) or with the frame before\n"
     "    --prior seed|information   what inertia does for the alignment: where to start (the paper's way; an\n"
     "                               ill-conditioned one is rejected), or also its information (default)\n"
@@ -78,6 +79,7 @@ int settings_take(struct settings *settings, struct options *options) {
         DEPTH_SCALE,
         INTRINSICS,
         TRANSLATION,
+        REFINE_RIG,
         AGAINST,
         PRIOR,
         START,
@@ -89,9 +91,10 @@ int settings_take(struct settings *settings, struct options *options) {
         DEVICE,
         KEYS
     };
-    static const char *const names[KEYS] = {"--depth-scale", "--intrinsics", "--translation", "--against",
-                                            "--prior",       "--start",      "--iterations",  "--voxel",
-                                            "--memory",      "--size",       "--threads",     "--device"};
+    static const char *const names[KEYS] = {"--depth-scale", "--intrinsics", "--translation", "--refine-rig",
+                                            "--against",     "--prior",      "--start",       "--iterations",
+                                            "--voxel",       "--memory",     "--size",        "--threads",
+                                            "--device"};
     fathom_config *config = &settings->config;
     int key = 0;
     while (key < KEYS && strcmp(names[key], options->name) != 0) key++;
@@ -117,6 +120,11 @@ int settings_take(struct settings *settings, struct options *options) {
         choice = take_choice(name, value, "on", "off");
         good = choice >= 0;
         config->imu_translation = choice == 0;
+        break;
+    case REFINE_RIG:
+        choice = take_choice(name, value, "on", "off");
+        good = choice >= 0;
+        config->refine_rig = choice == 0;
         break;
     case AGAINST:
         choice = take_choice(name, value, "model", "previous");
