@@ -70,6 +70,24 @@ static int imu_capacity(const fathom_recording *recording, int stride) {
     return capacity;
 }
 
+#define NEAR_M 0.5        /* a scene of which a fifth is nearer */
+#define NEAR_VOXEL 0.003f /* metres; for it */
+
+void playback_choose_voxel(const fathom_recording *recording, struct settings *settings) {
+    const size_t count = (size_t)recording->width * (size_t)recording->height;
+    uint16_t *pixels = settings->voxel > 0 ? NULL : malloc(count * sizeof *pixels);
+    size_t valid = 0, near = 0;
+    for (int i = 0; pixels && !valid && i < recording->frame_count; i++)
+        for (size_t k = fathom_recording_read_depth(recording, i, pixels) ? count : 0; k < count; k++) {
+            valid += pixels[k] != 0 && pixels[k] != 65535;
+            near += pixels[k] != 0 && pixels[k] < NEAR_M * recording->depth_units_per_metre;
+        }
+    free(pixels);
+    if (5 * near <= valid) return;
+    settings->config.voxel_m = NEAR_VOXEL;
+    cli_note("%s: a near scene: voxels of %g m; --voxel sets others", recording->folder, (double)NEAR_VOXEL);
+}
+
 int playback_start(struct playback *playback, const fathom_recording *recording, int stride,
                    fathom_config *config, struct cli_log *log) {
     fathom_recording_configure(recording, config);

@@ -19,6 +19,9 @@ struct playback {
 int playback_open(fathom_recording **recording, const char *folder, const char *imu_file,
                   const struct settings *settings, struct cli_log *log);
 
+/* Where no voxel size was given: a small one for a near scene, such as a face or an object on a table. Says so. */
+void playback_choose_voxel(const fathom_recording *recording, struct settings *settings);
+
 /* Starts the library for every stride-th frame of the recording; completes *config. As above. */
 int playback_start(struct playback *playback, const fathom_recording *recording, int stride,
                    fathom_config *config, struct cli_log *log);

@@ -44,6 +44,7 @@ static int open_recording(struct replay *replay) {
 
 static int start_library(struct replay *replay) {
     const fathom_memory_plan *plan = &replay->playback.plan;
+    playback_choose_voxel(replay->recording, &replay->options.settings);
     const int status = playback_start(&replay->playback, replay->recording, replay->options.stride,
                                       &replay->options.settings.config, &replay->log);
     if (!status && replay->options.verbose)

@@ -16,7 +16,8 @@ const char settings_help[] =
     "    --start inertia|previous   where alignment starts: at the inertial estimate (default), or at the frame\n"
     "                               before's pose, as it does where there is no inertial navigation\n"
     "    --iterations A,B,C         most iterations at the coarsest..finest level, each 0..100\n"
-    "    --voxel M                  voxel size, metres (default 0.01)\n"
+    "    --voxel M                  voxel size, metres (default 0.01; 0.003 where a fifth of the first\n"
+    "                               frame lies within half a metre)\n"
     "    --memory MB                most memory, host and device together (default 128; MB is 2^20)\n"
     "    --size WxH                 alignment resolution: the depth size over a whole number\n"
     "    --threads N                threads of the OpenCL device, where it lets them be set (PoCL)\n"
@@ -145,6 +146,7 @@ int settings_take(struct settings *settings, struct options *options) {
     case VOXEL:
         good = cli_parse_double(name, value, 0.001, 1, &number);
         config->voxel_m = (float)number;
+        settings->voxel = number;
         break;
     case MEMORY:
         good = cli_parse_double(name, value, 1, 1 << 20, &number);

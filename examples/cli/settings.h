@@ -11,6 +11,7 @@ struct settings {
     fathom_config config;
     double depth_scale;   /* 0: not given */
     double intrinsics[4]; /* all 0: not given */
+    double voxel;         /* 0: not given */
 };
 
 void settings_start(struct settings *settings);
