@@ -357,7 +357,7 @@ static bool write_rig(const struct calibrate *c) {
 
 static int calibrate(struct calibrate *c) {
     int status = prepare(c);
-    playback_choose_voxel(c.recording, &c.settings);
+    if (!status) playback_choose_voxel(c->recording, &c->settings);
     if (!status) status = track(c, NULL, "without the IMU: frames");
     if (status) return status;
     enum calibration_outcome outcome = solve(c);
