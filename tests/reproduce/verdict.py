@@ -1,5 +1,7 @@
 """(g) The verdict: how its measures tell right alignments from wrong ones, on frames whose pose is known."""
 import csv
+import os
+import re
 
 import figures
 from page import code, figure, percent, recordings, table
@@ -7,12 +9,20 @@ from runs import Failed
 
 LETTER, TITLE = "g", "The verdict (Section 2, last paragraph)"
 KINDS = {"tracked": "tracked, as it is", "aligned": "aligned from a misalignment", "injected": "a misalignment, as it is"}
-# Column, whether more is better, what it is called, and its setting's default (lib/config.c).
-MEASURES = {"agreement": ("agreement", True, 0.75), "see_through": ("see-through", False, 0.02), "rms_m": ("rms", False, 0.01),
-            "overlap": ("overlap", True, 0.5)}
-NUMBERS = (*MEASURES, "off_m", "off_deg", "injected_m", "injected_deg", "condition", "sigma_m", "sigma_rad", "visible")
+# Column: what it is called, whether more is better, its setting.
+MEASURES = {"agreement": ("agreement", True, "min_agreement"), "see_through": ("see-through", False, "max_see_through"),
+            "rms_m": ("rms", False, "max_rms_m"), "overlap": ("overlap", True, "min_overlap"),
+            "sigma_m": ("sigma", False, "max_sigma_m")}
+NUMBERS = (*MEASURES, "off_m", "off_deg", "injected_m", "injected_deg", "condition", "sigma_rad", "visible")
 SCENES = [("room-1", "room", ["--speed", "2", "--frames", "180"], 1), ("room-2", "room", ["--speed", "3", "--frames", "120"], 2),
           ("wall-1", "wall", ["--speed", "2", "--frames", "120"], 1)]
+
+
+def defaults():
+    """The settings as lib/config.c has them."""
+    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "lib", "config.c")
+    with open(path) as file:
+        return {name: float(value) for name, value in re.findall(r"c\.(\w+) = ([0-9.]+)f?;", file.read())}
 
 
 def measure(runs):
@@ -24,7 +34,7 @@ def measure(runs):
             rows = [{**{k: row[k] for k in ("kind", "label", "verdict")}, "frame": int(row["frame"]),
                      **{k: float(row[k]) for k in NUMBERS}} for row in csv.DictReader(out.splitlines())]
             return {"command": " ".join(["build/tests/reproduce/verdict", recording.name, *options]), "real": real,
-                    "name": recording.name, "rows": rows}
+                    "name": recording.name, "rows": rows, "defaults": defaults()}
         jobs.append((recording.name, judge))
 
     kitchen = runs.given("kitchen")
@@ -62,21 +72,27 @@ def curve(right, wrong, column, more):
 
 
 def draw(results, folder):
-    plot, axes = figures.panels(2, 4.2, 9.6, sharey=True)
+    plot, axes = figures.panels(2, 4.6, 9.6, sharey=True)
     for axis, real, title in ((axes[0], False, "simulated"), (axes[1], True, "real (kitchen)")):
         right, wrong = labelled(results, real)
         if not right or not wrong:
             axis.set(title=f"{title}: not measured")
             continue
         least = 0.3 / len(wrong)  # where no wrong one is accepted, at the left edge of a logarithmic axis
-        for place, (column, (name, more, default)) in enumerate(MEASURES.items()):
+        for place, (column, (name, more, setting)) in enumerate(MEASURES.items()):
+            default = results["runs"][0]["defaults"][setting]
             points = curve(right, wrong, column, more)
             colour = figures.MORE[place]
             axis.step([max(x, least) for x, _ in points], [y for _, y in points], where="post", color=colour,
-                      linestyle=("-", "--", "-.", ":")[place], label=f"{name} alone")
+                      linestyle=("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))[place], label=f"{name} alone")
             keeps = [[(row[column] >= default if more else row[column] <= default) for row in rows] for rows in (wrong, right)]
             axis.plot(max(sum(keeps[0]) / len(wrong), least), sum(keeps[1]) / len(right), marker=figures.MARKERS[place],
                       color=colour, linestyle="none", label=f"{name} at its default")
+        kept = [[row for row in rows if row["verdict"] == "tracking"] for rows in (right, wrong)]
+        points = [(x * len(kept[1]) / len(wrong), y * len(kept[0]) / len(right)) for x, y in curve(*kept, "see_through", False)] \
+            if all(kept) else []
+        axis.step([max(x, least) for x, _ in points], [y for _, y in points], where="post", color="#000000", linewidth=1,
+                  label="the whole, less see-through")
         axis.plot(max(accepted(wrong) / len(wrong), least), accepted(right) / len(right), marker="*", markersize=14,
                   color="#000000", linestyle="none", label="the whole verdict", zorder=5)
         axis.set(xscale="log", xlim=(least / 1.3, 1.1), ylim=(0.6, 1.01), title=f"{title}: {len(right)} right, {len(wrong)} wrong",
@@ -85,7 +101,7 @@ def draw(results, folder):
     axes[0].set(ylabel="right alignments accepted, share")
     axes[1].yaxis.set_tick_params(labelleft=True)
     shown = next((a for a in axes if a.get_legend_handles_labels()[0]), axes[0])
-    figures.legend_below(plot, shown, columns=5, rows=2)
+    figures.legend_below(plot, shown, columns=4, rows=3)
     figures.save(plot, folder, "verdict")
 
 
@@ -110,7 +126,8 @@ def page(results, folder):
              "judged, and so are misalignments injected from it (3 to 30 cm, 2 to 20 degrees or both, log-uniform; "
              "tests/reproduce/verdict.c): as they are, and aligned from there with the whole budget and a covariance of that size. "
              "Right ends within 1 cm and 0.7 degrees of the tracked pose, wrong is 3 cm or 2 degrees off or more; what lies between "
-             "is left out. The curves vary one threshold with the other tests away; the star is all of them in their order.", ""]
+             "is left out. The curves vary one threshold with the other tests away; the star is all of them in their order, and the black "
+             "line is that with a smaller `max_see_through`.", ""]
     lines += recordings(results["made"])
     body = []
     for run in results["runs"]:
