@@ -18,6 +18,8 @@
 #define ALIGNED 6  /* candidates of a frame: aligned from an injected misalignment */
 #define INJECTED 3 /* and left there */
 
+#define CORRELATED_PAIRS 50.0 /* as lib/align.c counts them */
+
 /* Right and wrong, and between them neither. */
 #define RIGHT_M 0.01
 #define RIGHT_DEG 0.7
@@ -85,7 +87,7 @@ static void judge_in_place(fathom *f, const pose *at, const double covariance[36
     const pose here = pose_identity();
     const double centre[3] = {0, 0, 1.5};
     const kernel_camera *camera = &f->maps.camera[FINEST];
-    solve_prior prior = {.max_condition = c->max_condition, .correlated = 50};
+    solve_prior prior = {.max_condition = c->max_condition, .correlated = CORRELATED_PAIRS};
     normal_equations e;
     solution s;
     comparison k;

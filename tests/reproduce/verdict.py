@@ -126,7 +126,7 @@ def page(results, folder):
              "judged, and so are misalignments injected from it (3 to 30 cm, 2 to 20 degrees or both, log-uniform; "
              "tests/reproduce/verdict.c): as they are, and aligned from there with the whole budget and a covariance of that size. "
              "Right ends within 1 cm and 0.7 degrees of the tracked pose, wrong is 3 cm or 2 degrees off or more; what lies between "
-             "is left out. The curves vary one threshold with the other tests away; the star is all of them in their order, and the black "
+             "is left out. (Tracked poses are accepted by choice of the frames; aligned ones are not.) The curves vary one threshold with the other tests away; the star is all of them in their order, and the black "
              "line is that with a smaller `max_see_through`.", ""]
     lines += recordings(results["made"])
     body = []
