@@ -123,8 +123,8 @@ bench: deps
 	@$(MAKE) --no-print-directory all
 	sh tests/bench/bench.sh $(BUILD)
 
-# SECTIONS: some of a to f, e.g. a,d; REPRODUCE: further options of tests/reproduce/reproduce.py.
-SECTIONS ?= a,b,c,d,e,f
+# SECTIONS: some of a to g, e.g. a,d; REPRODUCE: further options of tests/reproduce/reproduce.py.
+SECTIONS ?= a,b,c,d,e,f,g
 reproduce: deps
 	@$(MAKE) --no-print-directory all reproduce-tools
 	sh tests/reproduce/reproduce.sh $(BUILD) --sections $(SECTIONS) $(REPRODUCE)
@@ -164,7 +164,7 @@ $(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(CLI_PARTS) $(DRIVER
 	$(Q)$(CXX) -o $@ $< $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 .PHONY: reproduce-tools
-reproduce-tools: $(BUILD)/tests/reproduce/drift $(BUILD)/tests/reproduce/scene_distance
+reproduce-tools: $(BUILD)/tests/reproduce/drift $(BUILD)/tests/reproduce/verdict $(BUILD)/tests/reproduce/scene_distance
 
 .PHONY: tests
 .SECONDARY:

@@ -122,8 +122,8 @@ static bool has_depth(const fathom_config *c, const fathom_depth_frame *scan) {
 }
 
 /* Aligns from a seed, and judges. */
-static void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
-                    bool seeded, alignment *icp, fathom_result *r) {
+void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
+             bool seeded, alignment *icp, fathom_result *r) {
     const fathom_config *c = &f->config;
     double twist[6];
     r->seeded = seeded;

@@ -14,11 +14,12 @@ import outage
 import reckoning
 import strides
 import surface
+import verdict
 import wall
 from page import list_of, table
 from runs import Failed, Runs, say, write_json
 
-SECTIONS = {module.LETTER: module for module in (iterations, wall, outage, strides, reckoning, surface)}
+SECTIONS = {module.LETTER: module for module in (iterations, wall, outage, strides, reckoning, surface, verdict)}
 HERE = os.path.dirname(os.path.abspath(__file__))
 WIDTH = 125
 ROOT = os.path.dirname(os.path.dirname(HERE))

@@ -1,0 +1,266 @@
+/* How well the verdict tells right alignments from wrong ones. A recording is tracked; at each frame whose tracked pose is
+ * sure, before it is fused, that pose and misalignments injected from it are judged: as they are, and aligned from there.
+ * Stdout: a CSV line for each candidate, after a line of names.
+ * Usage: verdict FOLDER [--stride N] [--each N] [--within M] [--seed N]
+ *     --each     judges at every Nth frame taken
+ *     --within   leaves out frames whose tracked pose is further from groundtruth.txt (0.01 m; and 0.7 degrees for each cm)
+ * Works on the library's insides: the measures that decide are wanted of rejected candidates too. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../../examples/cli/counter_random.h"
+#include "../../examples/cli/playback.h"
+#include "context.h"
+
+#define DEGREES 57.29577951308232
+#define ALIGNED 6  /* candidates of a frame: aligned from an injected misalignment */
+#define INJECTED 3 /* and left there */
+
+#define CORRELATED_PAIRS 50.0 /* as lib/align.c counts them */
+
+/* Right and wrong, and between them neither. */
+#define RIGHT_M 0.01
+#define RIGHT_DEG 0.7
+#define WRONG_M 0.03
+#define WRONG_DEG 2.0
+
+/* How far candidates are moved: log-uniform, a translation, a rotation or both. */
+static const double least_m = 0.03, most_m = 0.3, least_rad = 2 / DEGREES, most_rad = 20 / DEGREES;
+#define OTHER_M 0.03 /* sigma of what isn't moved */
+#define OTHER_RAD 0.03
+
+struct run {
+    const char *name;
+    fathom_recording *recording;
+    struct playback playback;
+    int stride, each;
+    double within;
+    uint64_t seed;
+    pose first_truth;
+    int frames, tracked, sure; /* taken; of these; of these */
+};
+
+/* A misalignment and the covariance of a seed that is so far off. */
+struct injection {
+    pose off;
+    double metres, radians, covariance[36];
+};
+
+static double log_uniform(uint64_t key, uint64_t counter, double least, double most) {
+    return least * pow(most / least, random_uniform(key, counter));
+}
+
+static void direction(uint64_t key, uint64_t counter, double length, double out[3]) {
+    double norm = 0;
+    for (int i = 0; i < 3; i++) {
+        out[i] = random_normal(key, counter + (uint64_t)i);
+        norm += out[i] * out[i];
+    }
+    for (int i = 0; i < 3; i++) out[i] *= length / sqrt(norm);
+}
+
+static void inject(uint64_t key, int number, struct injection *in) {
+    double twist[6];
+    memset(in, 0, sizeof *in);
+    if (number % 3 != 1) in->metres = log_uniform(key, 16 * (uint64_t)number, least_m, most_m);
+    if (number % 3 != 0) in->radians = log_uniform(key, 16 * (uint64_t)number + 8, least_rad, most_rad);
+    direction(key, 32 * (uint64_t)number + 1, in->radians, twist);
+    direction(key, 32 * (uint64_t)number + 5, in->metres, twist + 3);
+    in->off = pose_exp(twist);
+    for (int i = 0; i < 6; i++) {
+        const double sigma = i < 3 ? fmax(in->radians, OTHER_RAD) : fmax(in->metres, OTHER_M);
+        in->covariance[7 * i] = sigma * sigma;
+    }
+}
+
+static void compare(fathom *f, const pose *at, comparison *k) {
+    const fathom_config *c = &f->config;
+    model_view_compare(&f->view, &f->device, &f->maps, &f->volume, at, c->agreement_m + c->voxel_m, k);
+}
+
+/* What alignment would say of a pose if it stopped there. */
+static void judge_in_place(fathom *f, const pose *at, const double covariance[36], alignment *icp,
+                           fathom_result *r) {
+    const fathom_config *c = &f->config;
+    const pose here = pose_identity();
+    const double centre[3] = {0, 0, 1.5};
+    const kernel_camera *camera = &f->maps.camera[FINEST];
+    solve_prior prior = {.max_condition = c->max_condition, .correlated = CORRELATED_PAIRS};
+    normal_equations e;
+    solution s;
+    comparison k;
+    const double sigma = sqrt(covariance[35]), reach = fmax(c->pair_distance_m, 3 * sigma);
+    memset(icp, 0, sizeof *icp);
+    volume_raycast_near(&f->volume, &f->device, &f->maps, at, (float)reach, &f->aligner.model[FINEST]);
+    align_reduce(&f->aligner, &f->device, &f->maps, FINEST, &here, &f->aligner.model[FINEST], camera, reach,
+                 c->huber_m, centre, &e);
+    icp->motion = *at;
+    icp->level = FINEST;
+    icp->pairs = (int)e.pairs;
+    icp->overlap = (int)e.overlap;
+    icp->pixels = camera->width * camera->height;
+    icp->rms = sqrt(e.btb / e.weight);
+    icp->condition = INFINITY;
+    for (int i = 0; i < 6; i++) icp->covariance[7 * i] = INFINITY;
+    if (covariance_invert(covariance, prior.information) && solve_alignment(&e, &prior, &s)) {
+        icp->condition = s.condition;
+        memcpy(icp->covariance, s.covariance, sizeof s.covariance);
+    }
+    compare(f, at, &k);
+    r->innovation_sigmas = 0;
+    r->verdict = judge(c, icp, 0);
+    if (r->verdict == FATHOM_VERDICT_TRACKING) r->verdict = judge_view(c, &k);
+    if (r->verdict == FATHOM_VERDICT_TRACKING) r->verdict = judge_certainty(c, icp->covariance);
+}
+
+static const char *label_of(double metres, double degrees) {
+    if (metres < RIGHT_M && degrees < RIGHT_DEG) return "right";
+    return metres >= WRONG_M || degrees >= WRONG_DEG ? "wrong" : "between";
+}
+
+static double largest_sigma(const double covariance[36], int from) {
+    return sqrt(fmax(covariance[7 * from], fmax(covariance[7 * from + 7], covariance[7 * from + 14])));
+}
+
+static void print(const struct run *run, int frame, const char *kind, const struct injection *in,
+                  const pose *reference, const alignment *icp, const fathom_result *r) {
+    fathom *f = run->playback.scan;
+    const pose way = pose_between(reference, &icp->motion);
+    const double metres = pose_distance(&way), degrees = DEGREES * pose_angle(&way);
+    const kernel_camera *c = &f->maps.camera[0];
+    comparison k;
+    compare(f, &icp->motion, &k);
+    const double seen = k.visible > 0 ? k.visible : 1;
+    printf("%s,%d,%s,%s,%.4f,%.3f,%.5f,%.4f,", run->name, frame, kind, label_of(metres, degrees), in->metres,
+           DEGREES * in->radians, metres, degrees);
+    printf("%.5f,%.6f,%.3f,%.5f,%.5f,%.5f,%.5f,%.4f,%.3f,%s\n",
+           icp->overlap > 0 ? (double)icp->pairs / icp->overlap : 0, icp->rms, icp->condition,
+           largest_sigma(icp->covariance, 3), largest_sigma(icp->covariance, 0), k.agree / seen,
+           k.through / seen, k.visible / (c->width * c->height), r->innovation_sigmas,
+           fathom_verdict_name(r->verdict));
+}
+
+static void candidates(const struct run *run, int frame, const fathom_depth_frame *scan,
+                       const fathom_result *tracked) {
+    fathom *f = run->playback.scan;
+    const pose reference = f->pose;
+    const uint64_t key = random_key(run->seed, (uint64_t)frame);
+    struct injection in = {.off = pose_identity()};
+    alignment icp = {.motion = reference, .pairs = tracked->pairs, .overlap = tracked->overlap_pixels};
+    icp.rms = tracked->rms_m;
+    icp.condition = tracked->condition;
+    memcpy(icp.covariance, f->covariance, sizeof icp.covariance);
+    print(run, frame, "tracked", &in, &reference, &icp, tracked);
+    for (int i = 0; i < ALIGNED + INJECTED; i++) {
+        fathom_result r = {0};
+        inject(key, i, &in);
+        const pose from = pose_multiply(&reference, &in.off);
+        if (i < ALIGNED)
+            attempt(f, scan, &from, in.covariance, false, &icp, &r);
+        else
+            judge_in_place(f, &from, in.covariance, &icp, &r);
+        print(run, frame, i < ALIGNED ? "aligned" : "injected", &in, &reference, &icp, &r);
+    }
+}
+
+static bool truth_at(const struct run *run, int64_t stamp_ns, pose *truth) {
+    fathom_recording_pose p;
+    if (fathom_recording_pose_at(run->recording, stamp_ns, &p) != FATHOM_OK) return false;
+    const double *q = p.quaternion, half = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
+    double twist[6] = {0};
+    for (int i = 0; i < 3 && half > 0; i++) twist[i] = 2 * atan2(half, q[3]) * q[i] / half;
+    *truth = pose_exp(twist);
+    memcpy(truth->t, p.position, sizeof truth->t);
+    return true;
+}
+
+static bool sure(const struct run *run, int64_t stamp_ns) {
+    pose truth;
+    if (!truth_at(run, stamp_ns, &truth)) return false;
+    truth = pose_between(&run->first_truth, &truth);
+    const pose off = pose_between(&truth, &run->playback.scan->pose);
+    return pose_distance(&off) <= run->within && DEGREES * pose_angle(&off) <= 70 * run->within;
+}
+
+/* What fathom_step does with a tracked frame when it isn't paused. */
+static void fuse(fathom *f) {
+    volume_allocate(&f->volume, &f->device, &f->maps, &f->pose);
+    volume_fuse(&f->volume, &f->device, &f->maps, &f->pose);
+    device_wait(&f->device);
+}
+
+static int track(struct run *run, uint16_t *depth) {
+    const fathom_recording *recording = run->recording;
+    fathom *f = run->playback.scan;
+    puts("recording,frame,kind,label,injected_m,injected_deg,off_m,off_deg,overlap,rms_m,condition,sigma_m,"
+         "sigma_"
+         "rad,agreement,see_through,visible,innovation,verdict");
+    for (int i = 0; i < recording->frame_count; i += run->stride) {
+        const int64_t now = recording->frames[i].timestamp_ns;
+        const fathom_depth_frame scan = {now, depth, recording->width, recording->height};
+        fathom_result r;
+        playback_push_imu(&run->playback, recording, i);
+        int error = fathom_recording_read_depth(recording, i, depth);
+        if (error == FATHOM_OK) error = fathom_step(f, &scan, &r);
+        if (error != FATHOM_OK) {
+            fprintf(stderr, "verdict: frame %d: %s\n", i, fathom_error_name(error));
+            return 1;
+        }
+        if (r.state == FATHOM_FIRST) {
+            if (!truth_at(run, now, &run->first_truth)) {
+                fprintf(stderr, "verdict: groundtruth.txt has no pose at the first frame\n");
+                return 1;
+            }
+            fathom_pause(f, true); /* from here on frames are fused after the candidates were judged */
+            continue;
+        }
+        run->frames++;
+        if (r.state != FATHOM_TRACKED) continue;
+        run->tracked++;
+        if (sure(run, now)) {
+            run->sure++;
+            if (run->frames % run->each == 0) candidates(run, i, &scan, &r);
+        }
+        fuse(f);
+    }
+    fprintf(stderr, "frames=%d tracked=%d sure=%d\n", run->frames, run->tracked, run->sure);
+    return f->device.error != FATHOM_OK;
+}
+
+int main(int argc, char **argv) {
+    struct run run = {.stride = 1, .each = 1, .within = 0.01, .seed = 1};
+    struct cli_log log = {0};
+    struct settings settings;
+    for (int i = 2; i + 1 < argc; i += 2) {
+        if (!strcmp(argv[i], "--stride"))
+            run.stride = atoi(argv[i + 1]);
+        else if (!strcmp(argv[i], "--each"))
+            run.each = atoi(argv[i + 1]);
+        else if (!strcmp(argv[i], "--within"))
+            run.within = atof(argv[i + 1]);
+        else if (!strcmp(argv[i], "--seed"))
+            run.seed = (uint64_t)atoll(argv[i + 1]);
+        else
+            argc = 0;
+    }
+    if (argc < 2 || argc % 2 || run.stride < 1 || run.each < 1) {
+        fprintf(stderr, "usage: verdict FOLDER [--stride N] [--each N] [--within M] [--seed N]\n");
+        return 2;
+    }
+    const char *slash = strrchr(argv[1], '/');
+    run.name = slash ? slash + 1 : argv[1];
+    settings_start(&settings);
+    int failed = playback_open(&run.recording, argv[1], NULL, &settings, &log);
+    if (!failed) failed = playback_start(&run.playback, run.recording, run.stride, &settings.config, &log);
+    if (!failed) {
+        uint16_t *depth =
+            malloc((size_t)run.recording->width * (size_t)run.recording->height * sizeof *depth);
+        failed = depth ? track(&run, depth) : 1;
+        free(depth);
+    }
+    playback_stop(&run.playback);
+    fathom_recording_close(run.recording);
+    return failed;
+}
