@@ -180,7 +180,7 @@ typedef struct {
     float stop_error_fall;         /* a relative fall of the error below this ends a level. Default 1e-4 */
 
     /* verdict "tracking" (Section 2, last paragraph; docs/DESIGN.md gives the reasons for the defaults) */
-    float min_overlap;             /* kept pairs / pixels where both scan and model have a surface. Default 0.5 */
+    float min_overlap;             /* kept pairs / pixels where both scan and model have a surface. Default 0.35 */
     int min_pairs;                 /* kept pairs at the finest level used; 0: one in 100 pixels. Default 0 */
     float max_rms_m;               /* weighted rms residual. Default 0.01 */
     float max_condition;           /* kappa(A), centred and scaled, beyond which the weakest direction says nothing (a bare
@@ -188,10 +188,10 @@ typedef struct {
     float max_innovation_sigmas;   /* distance from seed to result in units of the seed's sigma. Default 6 */
     float min_agreement;           /* of the pixels where the surface should be seen from the found pose and the frame sees
                                       something: the part that agrees within agreement_m. Default 0.75 */
-    float max_see_through;         /* the part of them that sees further, through the surface. Default 0.02 */
+    float max_see_through;         /* the part of them that sees further, through the surface. Default 0.01 */
     float agreement_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
     float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says
-                                      nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.04, 0.03 */
+                                      nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.02, 0.02 */
 
     /* surface */
     float voxel_m;                 /* edge of a voxel. Default 0.01; 0.001..1 */

@@ -35,7 +35,7 @@ void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, c
     for (int y = 0; model && depth && normals && y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
             int at = (y + PAD_Y) * c->pitch + x + PAD_X;
-            float z = depth[at], weight = fminf(normals[3 * c->plane + at], 1);
+            float z = depth[at], weight = sqrtf(fminf(fmaxf(normals[3 * c->plane + at], 0), 1));
             const cl_float4 *m = &model[y * c->width + x];
             if (!(z > 0 && weight > 0 && m->s[3] > 0)) continue;
             out->visible += weight;

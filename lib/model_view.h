@@ -12,7 +12,7 @@ typedef struct {
 } model_view;
 
 /* A frame held against the surface as it should look from a pose: sums over the pixels of the coarsest maps, each counting
- * by its confidence (that of alignment), one at most, so that a noisy background doesn't outvote what is near. */
+ * by the root of its confidence (that of alignment), one at most, so that a noisy background doesn't outvote what is near. */
 typedef struct {
     float visible; /* where the surface should be seen, and the frame sees something */
     float agree;   /* of these: within the tolerance of each other, across the surface */

@@ -87,8 +87,8 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
         Vector6 own_right = Vector6::Zero();
         Matrix6 own = Matrix6::Zero();
         for (int i = 0; i < 6; i++) {
-            double information =
-                std::max(squared[i] - noise, 0.0) / variance * squared[i] / (squared[i] + SHYNESS * noise);
+            double information = std::max(squared[i] - 2 * noise, 0.0) / variance * squared[i] /
+                                 (squared[i] + SHYNESS * noise);
             own += information * v.col(i) * v.col(i).transpose();
             if (squared[i] > 1e-12 * largest)
                 own_right += v.col(i) * (information * projected[i] / squared[i]);
