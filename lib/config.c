@@ -35,7 +35,7 @@ fathom_config fathom_config_default(void) {
     c.max_condition = 22;
     c.max_innovation_sigmas = 6;
     c.min_agreement = 0.75f;
-    c.max_see_through = 0.01f;
+    c.max_see_through = 0.015f;
     c.agreement_m = 0.02f;
     c.max_sigma_m = 0.02f;
     c.max_sigma_rad = 0.02f;

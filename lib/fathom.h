@@ -188,7 +188,7 @@ typedef struct {
     float max_innovation_sigmas;   /* distance from seed to result in units of the seed's sigma. Default 6 */
     float min_agreement;           /* of the pixels where the surface should be seen from the found pose and the frame sees
                                       something: the part that agrees within agreement_m. Default 0.75 */
-    float max_see_through;         /* the part of them that sees further, through the surface. Default 0.01 */
+    float max_see_through;         /* the part of them that sees further, through the surface. Default 0.015 */
     float agreement_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
     float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says
                                       nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.02, 0.02 */

@@ -111,8 +111,14 @@ static void take_result(struct replay *replay, int index, const fathom_result *r
     if (!trajectory_add(&replay->trajectory, stamp, result->pose)) replay->write_failed = true;
     if (!stats_add(&replay->stats, result)) replay->write_failed = true;
     if (replay->options.verbose && result->state >= FATHOM_RECKONED)
-        cli_note("frame %d (t = %.6f): %s: %s", index, (double)stamp * 1e-9, fathom_state_name(result->state),
-                 fathom_verdict_name(result->verdict));
+        cli_note(
+            "frame %d (t = %.6f): %s: %s; overlap %.2f, rms %.1f mm, innovation %.1f sigma, agreement %.3f, "
+            "see-through %.4f",
+            index, (double)stamp * 1e-9, fathom_state_name(result->state),
+            fathom_verdict_name(result->verdict),
+            (double)result->pairs / (result->overlap_pixels > 0 ? result->overlap_pixels : 1),
+            1e3 * (double)result->rms_m, (double)result->innovation_sigmas, (double)result->agreement,
+            (double)result->see_through);
 }
 
 /* Returns a CLI_ status; after one that isn't CLI_DONE no more frames are to be taken. */
@@ -211,7 +217,8 @@ static void print_summary(struct replay *replay) {
     print_number("ms_median", 2, stats_quantile(replay->ms, replay->path.count, 0.5));
     print_number("ms_p95", 2, stats_quantile(replay->ms, replay->path.count, 0.95));
     printf(" blocks=%d", replay->blocks);
-    print_number("arena_mb", 1, (double)(replay->playback.plan.host_bytes + replay->playback.plan.device_bytes) / (1 << 20));
+    print_number("arena_mb", 1,
+                 (double)(replay->playback.plan.host_bytes + replay->playback.plan.device_bytes) / (1 << 20));
     putchar('\n');
 }
 
