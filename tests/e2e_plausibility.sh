@@ -72,7 +72,7 @@ lanes=$!
     broken stuck rig 'if ($1 < 2) { x = $2; y = $3; z = $4 } else { $2 = x; $3 = y; $4 = z }'
     broken half long '$1 *= 0.5' --stride 2 # its samples end amid the recording
     broken double rig '$1 *= 2'
-    if [ -r "$face/depth.txt" ]; then "$fathom" replay "$face" --threads 1 --voxel 0.004 >face.out 2>face.err; fi
+    if [ -r "$face/depth.txt" ]; then "$fathom" replay "$face" --threads 1 >face.out 2>face.err; fi
 ) &
 lanes="$lanes $!"
 wait
