@@ -77,6 +77,9 @@ has_kitchen=
         replay "$kitchen" stride1 --stride 1
         replay "$kitchen" outage --outage 200:210
         replay "$kitchen" stride4 --stride 4
+        replay "$kitchen" stride16 --stride 16
+        replay "$kitchen" stride32 --stride 32
+        replay "$kitchen" long --outage 200:270
     fi
 ) &
 lanes=$!
@@ -88,7 +91,11 @@ lanes=$!
         replay "$kitchen" stride2 --stride 2
         replay "$kitchen" stride8 --stride 8
         replay "$kitchen" stride12 --stride 12
+        replay "$kitchen" alone --stride 16 --imu none
+        replay "$kitchen" seed --stride 8 --prior seed
     fi
+    "$fathom" simulate wall wall --threads 1 >wall-made 2>wall.err && replay wall wall && replay wall slides --imu none
+    rm -rf wall
 ) &
 lanes="$lanes $!"
 wait
@@ -100,16 +107,34 @@ if [ $has_kitchen ]; then
         complete stride$stride $(((frames + stride - 1) / stride)) && within stride$stride 0.025
         result "kitchen, stride $stride: all frames tracked, error at most 25 mm" stride$stride
     done
+    complete stride16 $(((frames + 15) / 16)) && within stride16 0.025
+    result "kitchen, stride 16: all frames tracked, error at most 25 mm" stride16
+    complete stride32 $(((frames + 31) / 32)) && within stride32 0.04
+    result "kitchen, stride 32: all frames tracked, error at most 40 mm" stride32
+    complete alone $(((frames + 15) / 16)) && within alone 0.03
+    result "kitchen, stride 16 without the IMU: wrong alignments are refused and the right ones found" alone
+    complete seed $(((frames + 7) / 8)) && within seed 0.025
+    result "kitchen, stride 8, the paper's way of using inertia: all frames tracked, error at most 25 mm" seed
+    reckoned_only long 200 270 && within long 0.035
+    result "kitchen, lens covered during frames 200 to 269: just these are reckoned, error at most 35 mm" long
     complete single "$frames" && within single 0.025
     result "kitchen, a single iteration a frame: all frames tracked, error at most 25 mm" single
     reckoned_only outage 200 210 && [ "$(figure outage reckoned)" = 10 ] && [ "$(figure outage lost)" = 0 ] && within outage 0.03
     result "kitchen, lens covered during frames 200 to 209: just these are reckoned, error at most 30 mm" outage
 else
     for stride in 1 2 4 8 12; do skip "kitchen, stride $stride"; done
+    for stride in 16 32; do skip "kitchen, stride $stride"; done
+    skip "kitchen, stride 16 without the IMU"
+    skip "kitchen, stride 8, the paper's way of using inertia"
+    skip "kitchen, lens covered during frames 200 to 269"
     skip "kitchen, a single iteration a frame"
     skip "kitchen, lens covered during frames 200 to 209"
 fi
 complete room 300 && within room 0.002
 result "simulated room without noise: all frames tracked, error at most 2 mm" room
+[ "$(figure wall lost)" = 0 ] && within wall 0.01
+result "simulated bare wall: error at most 10 mm, never lost" wall
+[ "$(figure slides tracked)" -lt 200 ]
+result "the same without the IMU: it is said that it isn't tracked" slides
 
 [ $failed -eq 0 ]
