@@ -142,11 +142,13 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
     r->verdict = has_depth(c, scan) ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
     if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL) {
         comparison k;
+        double start = now_ms();
         model_view_compare(&f->view, &f->device, &f->maps, &f->volume, &icp->motion,
                            c->agreement_m + c->voxel_m, &k);
         r->agreement = k.visible > 0 ? k.agree / k.visible : 0;
         r->see_through = k.visible > 0 ? k.through / k.visible : 0;
         r->verdict = judge_view(c, &k);
+        r->ms_raycast += (float)(now_ms() - start);
     }
     if (r->verdict == FATHOM_VERDICT_TRACKING && c->prior == FATHOM_PRIOR_INFORMATION)
         r->verdict = judge_certainty(c, icp->covariance);
