@@ -26,6 +26,8 @@ fathom_config fathom_config_default(void) {
     memcpy(c.iterations, iterations, sizeof iterations);
     memcpy(c.seeded_iterations, seeded, sizeof seeded);
     c.seeded_sigma_m = 0.02f;
+    c.keep_model_m = 0.04f;
+    c.keep_model_rad = 0.06f;
     c.pair_distance_m = 0.10f;
     c.pair_angle_rad = 0.7f;
     c.huber_m = 0.003f;
@@ -36,6 +38,8 @@ fathom_config fathom_config_default(void) {
     c.max_innovation_sigmas = 6;
     c.min_agreement = 0.75f;
     c.max_see_through = 0.015f;
+    c.evident_pairs = 0.7f;
+    c.evident_sigmas = 1.5f;
     c.agreement_m = 0.02f;
     c.max_sigma_m = 0.02f;
     c.max_sigma_rad = 0.02f;
@@ -106,6 +110,8 @@ int config_check(const fathom_config *c) {
         {"seeded_iterations in all",
          c->seeded_iterations[0] + c->seeded_iterations[1] + c->seeded_iterations[2], 1, 300},
         {"seeded_sigma_m", c->seeded_sigma_m, 0, 100},
+        {"keep_model_m", c->keep_model_m, 0, 1e9},
+        {"keep_model_rad", c->keep_model_rad, 0, 1e9},
         {"pair_distance_m", c->pair_distance_m, 1e-4, 10},
         {"pair_angle_rad", c->pair_angle_rad, 0.01, 3.15},
         {"huber_m", c->huber_m, 1e-6, 100},
@@ -119,6 +125,8 @@ int config_check(const fathom_config *c) {
         {"max_innovation_sigmas", c->max_innovation_sigmas, 0.1, 1e30},
         {"min_agreement", c->min_agreement, 0, 1},
         {"max_see_through", c->max_see_through, 0, 1},
+        {"evident_pairs", c->evident_pairs, 0, 1e9},
+        {"evident_sigmas", c->evident_sigmas, 0, 1e9},
         {"agreement_m", c->agreement_m, 1e-4, 100},
         {"max_sigma_m", c->max_sigma_m, 1e-4, 1000},
         {"max_sigma_rad", c->max_sigma_rad, 1e-4, 1000},

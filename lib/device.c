@@ -84,6 +84,7 @@ int device_choose(device *d, const fathom_config *config) {
     }
     d->buffers_in_block =
         config->buffers == FATHOM_BUFFERS_HOST || (config->buffers == FATHOM_BUFFERS_AUTO && d->cpu);
+    d->lanes = d->cpu ? 8 : 1;
     d->group = 1;
     if (!d->cpu) {
         size_t most = 1;
@@ -217,7 +218,7 @@ static void log_build(device *d, cl_int code) {
 
 static int program_build(device *d) {
     char options[128], path[580];
-    snprintf(options, sizeof options, "-cl-std=CL1.2 -DLANES=%d -DGROUP=%d", d->cpu ? 8 : 1, d->group);
+    snprintf(options, sizeof options, "-cl-std=CL1.2 -DLANES=%d -DGROUP=%d", d->lanes, d->group);
     bool cached = cache_path(d, options, path, sizeof path);
     if (cached && program_from_cache(d, path, options)) return FATHOM_OK;
     cl_int e;

@@ -133,6 +133,7 @@ static void start_over(fathom *f) {
     memset(f->covariance, 0, sizeof f->covariance);
     f->timestamp_ns = INT64_MIN;
     f->started = f->said_full = false;
+    f->cast_coarsest = FATHOM_LEVELS;
     memset(&f->result, 0, sizeof f->result);
     f->result.state = FATHOM_RECKONED;
     f->result.verdict = FATHOM_VERDICT_NO_DEPTH;

@@ -172,6 +172,8 @@ typedef struct {
     int seeded_iterations[FATHOM_LEVELS]; /* the same with one. Default 0, 0, 4. 0..100 each; the last may be 0 only when
                                              another level has some */
     float seeded_sigma_m;          /* a seed is usable when its translation's sigma is below this. Default 0.02 */
+    float keep_model_m, keep_model_rad; /* maps ray-cast from the surface serve the next frames too, until the camera has moved
+                                      so far, or a tenth of the pairs is gone. Defaults 0.04 and 0.06; 0: a ray-cast each frame */
     float pair_distance_m;         /* a pair further apart is rejected, at the finest level (doubled at each coarser one).
                                       Default 0.10; widened to three sigma of the seed */
     float pair_angle_rad;          /* a pair whose normals differ by more is rejected. Default 0.7 (40 degrees) */
@@ -189,6 +191,10 @@ typedef struct {
     float min_agreement;           /* of the pixels where the surface should be seen from the found pose and the frame sees
                                       something: the part that agrees within agreement_m. Default 0.75 */
     float max_see_through;         /* the part of them that sees further, through the surface. Default 0.015 */
+    float evident_pairs;           /* an alignment from a usable seed is evident, and what the surface should look like isn't
+                                      ray-cast to be compared, when this part of the frame's valid pixels found pairs, and
+                                      result and seed agree within evident_sigmas. Default 0.7; above 1: never */
+    float evident_sigmas;          /* Default 1.5 */
     float agreement_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
     float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says
                                       nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.02, 0.02 */

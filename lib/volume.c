@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#define SETTLING 8 /* frames */
+
 /* The table has at least two entries a block, so that a search ends soon. */
 static size_t table_entries(int blocks) {
     size_t n = 1024;
@@ -28,6 +30,7 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const d
     device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int4), &v->blocks);
     device_buffer_make(d, a, (size_t)v->tiles * TILE_SLOTS * sizeof(cl_int4), &v->requests);
     device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_int), &v->counts);
+    device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_float), &v->farthest);
     device_buffer_make(d, a, (size_t)v->tiles * 2 * sizeof(cl_int), &v->ranges);
     if (!d->context) return;
     v->request = device_kernel(d, "request_blocks");
@@ -46,7 +49,8 @@ void volume_close(volume *v) {
                            v->range_blocks, v->raycast, v->raycast_near, v->halve_map};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i]) clReleaseKernel(kernels[i]);
-    device_buffer *buffers[] = {&v->voxels, &v->table, &v->blocks, &v->requests, &v->counts, &v->ranges};
+    device_buffer *buffers[] = {&v->voxels, &v->table,    &v->blocks, &v->requests,
+                                &v->counts, &v->farthest, &v->ranges};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) device_buffer_free(buffers[i]);
 }
 
@@ -54,7 +58,7 @@ void volume_clear(volume *v, device *d) {
     void *table = device_map(d, &v->table, CL_MAP_WRITE);
     if (table) memset(table, 0xff, v->table.size); /* w = -1: free */
     device_unmap(d, &v->table, table);
-    v->count = 0;
+    v->count = v->settled = v->settling = v->frames = 0;
     v->full = false;
 }
 
@@ -72,7 +76,7 @@ void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_
     cl_float block_m = v->surface.voxel * BLOCK_EDGE;
     RUN(d, v->request, (size_t)v->tiles, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
         ARG(rigid), ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask),
-        ARG(v->requests.memory), ARG(v->counts.memory));
+        ARG(v->requests.memory), ARG(v->counts.memory), ARG(v->farthest.memory));
     v->full = false;
     cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
     int wanted = 0;
@@ -107,13 +111,19 @@ void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_
     device_unmap(d, &v->counts, counts);
 }
 
-void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
+void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, bool calm) {
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid rigid = kernel_rigid_of(&inverse);
+    if (v->frames++ % SETTLING == 0) {
+        v->settled = v->settling;
+        v->settling = v->count;
+    }
+    cl_int settled = calm ? v->settled : 0, turn = v->frames & 1;
     depth_maps_pack(maps, d, FINEST, &maps->packed);
     RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->packed.memory), ARG(maps->camera[FINEST]),
-        ARG(maps->noise), ARG(rigid), ARG(v->surface.voxel), ARG(v->surface.truncation), ARG(v->max_weight),
-        ARG(v->blocks.memory), ARG(v->voxels.memory));
+        ARG(maps->noise), ARG(v->farthest.memory), ARG(rigid), ARG(v->surface.voxel),
+        ARG(v->surface.truncation), ARG(v->max_weight), ARG(v->blocks.memory), ARG(settled), ARG(turn),
+        ARG(v->voxels.memory));
 }
 
 void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
@@ -130,13 +140,14 @@ void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pos
 }
 
 void volume_raycast_near(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, float reach_m,
-                         device_buffer *model) {
+                         bool marched, device_buffer *model) {
+    cl_int rays_marched = marched;
     const kernel_camera *camera = &maps->camera[FINEST];
     kernel_rigid to_world = kernel_rigid_of(camera_to_world);
     reach_m = fminf(reach_m, maps->source.max_m); /* a seed that knows nothing must not make rays endless */
-    RUN(d, v->raycast_near, (size_t)camera->width, (size_t)camera->height, 0, ARG(v->voxels.memory),
-        ARG(v->table.memory), ARG(v->surface), ARG(*camera), ARG(to_world), ARG(maps->depth[FINEST].memory),
-        ARG(reach_m), ARG(model->memory));
+    RUN(d, v->raycast_near, (size_t)((camera->width + d->lanes - 1) / d->lanes), (size_t)camera->height,
+        d->cpu ? 1 : 0, ARG(v->voxels.memory), ARG(v->table.memory), ARG(v->surface), ARG(*camera),
+        ARG(to_world), ARG(maps->depth[FINEST].memory), ARG(reach_m), ARG(rays_marched), ARG(model->memory));
 }
 
 void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],

@@ -9,9 +9,6 @@
  * LANES pixels are worked on at once: 8 on a CPU, where a strip is a row; 1 on a GPU, where GROUP work-items share a row
  * and add up in local memory. */
 
-#ifndef LANES
-#define LANES 8
-#endif
 #ifndef GROUP
 #define GROUP 1
 #endif
@@ -19,24 +16,6 @@
 /* Upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w |p|^2, pairs n,
  * pixels where both have a surface; p here counts from centre. */
 #define SUMS 35
-
-#if LANES == 8
-typedef float8 vfloat;
-typedef int8 vint;
-#define VLOAD(p) vload8(0, p)
-#define VINT_FLOOR convert_int8_rtn
-#define IOTA ((float8)(0, 1, 2, 3, 4, 5, 6, 7))
-#define ANY(v) any(v)
-#define SELECT(a, b, c) select(a, b, c)
-#else
-typedef float vfloat;
-typedef int vint;
-#define VLOAD(p) (*(p))
-#define VINT_FLOOR convert_int_rtn
-#define IOTA 0.0f
-#define ANY(v) (v)
-#define SELECT(a, b, c) ((c) ? (b) : (a))
-#endif
 
 typedef struct {
     float distance2;    /* most squared distance of a pair, m^2 */

@@ -187,7 +187,7 @@ static bool sure(const struct run *run, int64_t stamp_ns) {
 /* What fathom_step does with a tracked frame when it isn't paused. */
 static void fuse(fathom *f) {
     volume_allocate(&f->volume, &f->device, &f->maps, &f->pose);
-    volume_fuse(&f->volume, &f->device, &f->maps, &f->pose);
+    volume_fuse(&f->volume, &f->device, &f->maps, &f->pose, false);
     device_wait(&f->device);
 }
 
