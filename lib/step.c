@@ -231,8 +231,8 @@ static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose
     double covariance[36];
     alignment other;
     fathom_result o = *r;
-    bool agreed =
-        r->verdict == FATHOM_VERDICT_TRACKING && r->innovation_sigmas < 0.5; /* the seed was right */
+    bool evident = f->config.against == FATHOM_AGAINST_MODEL && isnan(r->agreement);
+    bool agreed = r->verdict == FATHOM_VERDICT_TRACKING && (evident || r->innovation_sigmas < 0.5);
     if (agreed || r->verdict == FATHOM_VERDICT_NO_DEPTH ||
         !inertial_second_guess(&f->inertial, seed, r->timestamp_ns, &guess, covariance))
         return;
