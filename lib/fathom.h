@@ -186,7 +186,8 @@ typedef struct {
                                       Kinect 360's disparity (Khoshelham and Elberink 2012, Section 3.2: 2.85 mm at 1 m) */
 
     /* alignment (Section 2) */
-    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to 320 wide */
+    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to align_most wide */
+    int align_most;                /* default 320; 16..4096 */
     fathom_against against;        /* default FATHOM_AGAINST_MODEL */
     fathom_prior prior;            /* default FATHOM_PRIOR_INFORMATION */
     int iterations[FATHOM_LEVELS]; /* most iterations, coarsest to finest, without a usable seed. Default 10, 5, 4 */
@@ -282,6 +283,17 @@ typedef struct {
 
 /* The default settings. Any thread. */
 FATHOM_API fathom_config fathom_config_default(void);
+
+/* Complete settings for boards of three kinds; they differ in the four fields named here alone. docs/PORTING.md has what
+ * each takes in time and memory, and how exact it is. */
+typedef enum {
+    FATHOM_PRESET_TINY = 0,  /* maps up to 160 wide, 2 cm voxels, 64 MB: a slow processor, a whole flat */
+    FATHOM_PRESET_SMALL = 1, /* maps up to 320 wide, 1 cm voxels, 128 MB: the default settings */
+    FATHOM_PRESET_LARGE = 2  /* maps up to 640 wide, 8 mm voxels, 256 MB: fine detail */
+} fathom_preset;
+
+/* A preset that doesn't exist gives the default settings. Any thread. */
+FATHOM_API fathom_config fathom_config_preset(fathom_preset preset);
 
 /* ---- memory and life --------------------------------------------------------------------------------------------- */
 
