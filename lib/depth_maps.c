@@ -101,6 +101,10 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
     if (!raw) return;
     memcpy(raw, frame, (size_t)m->source.width * (size_t)m->source.height * 2);
     device_unmap(d, &m->raw, raw);
+    depth_maps_compute(m, d, coarsest);
+}
+
+void depth_maps_compute(depth_maps *m, device *d, int coarsest) {
     kernel_camera *c = &m->camera[FINEST];
     RUN(d, m->convert, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->raw.memory), ARG(m->source),
         ARG(*c), ARG(m->noise), ARG(m->depth[FINEST].memory));

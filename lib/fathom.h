@@ -273,6 +273,9 @@ typedef struct {
     const char *device;            /* "", or a part of a platform's or device's name, or "cpu", "gpu". NULL: "": the first
                                       GPU that shares the host's memory, else the first device. Read during init only */
     fathom_buffers buffers;        /* default FATHOM_BUFFERS_AUTO */
+    const char *kernel_file;       /* kernels that fathom_save_kernels wrote on a machine of the same kind; another device,
+                                      driver or library version than theirs is FATHOM_ERROR_KERNEL. NULL: built from source, or
+                                      from the cache. Read during init only */
     const char *cache_folder;      /* where built kernels are kept; NULL: $XDG_CACHE_HOME/fathom or ~/.cache/fathom;
                                       "": no cache. Read during init only */
 
@@ -315,9 +318,14 @@ FATHOM_API int64_t fathom_memory_required(const fathom_config *config);
 FATHOM_API int fathom_memory_plan_for(const fathom_config *config, fathom_memory_plan *plan);
 
 /* Builds a context inside memory (size bytes, the caller's, until fathom_close). Opens the OpenCL device and builds the
- * kernels (a second or so, once; then from the cache). A block that is too small by one byte is refused with
+ * kernels (a second or so, once; then from the cache), and runs each once on nothing. A block that is too small by one byte is refused with
  * FATHOM_ERROR_MEMORY and not touched. On any error *context is NULL and nothing stays open. */
 FATHOM_API int fathom_init(fathom **context, const fathom_config *config, void *memory, size_t size);
+
+/* Writes the built kernels, in every shape that these settings use, to a file for fathom_config.kernel_file: on a board of
+ * the same kind, with the same runtime and settings, no compiler runs then. FATHOM_ERROR_KERNEL when the file can't be
+ * written; the log says why. */
+FATHOM_API int fathom_save_kernels(fathom *context, const char *path);
 
 /* Waits for the device, releases it, forgets everything. The block is the caller's again. NULL is allowed. */
 FATHOM_API void fathom_close(fathom *context);

@@ -115,9 +115,14 @@ int volume_allocate(volume *v, device *d) {
     device_unmap(d, &v->table, table);
     device_unmap(d, &v->requests, requests);
     device_unmap(d, &v->counts, counts);
-    /* a group of one: PoCL compiles a kernel anew for each size of group, and would choose by the count */
-    RUN(d, v->clear, (size_t)(v->count - first), BLOCK_BYTES / 16, 1, ARG(first), ARG(v->voxels.memory));
+    volume_clear_blocks(v, d, first, v->count - first);
     return first;
+}
+
+void volume_clear_blocks(volume *v, device *d, int first, int count) {
+    cl_int from = first;
+    /* a group of one: PoCL compiles a kernel anew for each size of group, and would choose by the count */
+    RUN(d, v->clear, (size_t)count, BLOCK_BYTES / 16, 1, ARG(from), ARG(v->voxels.memory));
 }
 
 void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, bool calm) {

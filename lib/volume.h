@@ -47,6 +47,9 @@ int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to
 /* Gives them places as far as there are any, from the returned one on; they are new: nothing seen. */
 int volume_allocate(volume *v, device *d);
 
+/* Queues the clearing of blocks: nothing seen. */
+void volume_clear_blocks(volume *v, device *d, int first, int count);
+
 /* Queues the fusion of the frame. calm: the camera has hardly moved since the frame before, and of the blocks that aren't
  * new half will do, the other half with the next frame. */
 void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, bool calm);

@@ -29,7 +29,8 @@ const char settings_help[] =
     "                               (default), or what was seen longest ago goes\n"
     "    --size WxH                 alignment resolution: the depth size over a whole number\n"
     "    --threads N                threads of the OpenCL device, where it lets them be set (PoCL)\n"
-    "    --device NAME              part of an OpenCL platform's or device's name, or cpu, or gpu\n";
+    "    --device NAME              part of an OpenCL platform's or device's name, or cpu, or gpu\n"
+    "    --kernels FILE             built kernels, as `fathom kernels` wrote them, instead of a compiler\n";
 
 void settings_start(struct settings *settings) {
     *settings = (struct settings){.config = fathom_config_default()};
@@ -116,12 +117,13 @@ int settings_take(struct settings *settings, struct options *options) {
         SIZE,
         THREADS,
         DEVICE,
+        KERNELS,
         KEYS
     };
     static const char *const names[KEYS] = {"--depth-scale", "--intrinsics", "--translation", "--refine-rig",
                                             "--against",     "--prior",      "--start",       "--iterations",
                                             "--voxel",       "--memory",     "--preset",      "--when-full",
-                                            "--size",        "--threads",    "--device"};
+                                            "--size",        "--threads",    "--device",      "--kernels"};
     fathom_config *config = &settings->config;
     int key = 0;
     while (key < KEYS && strcmp(names[key], options->name) != 0) key++;
@@ -188,6 +190,7 @@ int settings_take(struct settings *settings, struct options *options) {
     case SIZE: good = parse_size(name, value, 8, 4096, &config->align_width, &config->align_height); break;
     case THREADS: good = set_threads(name, value); break;
     case DEVICE: config->device = value; break;
+    case KERNELS: config->kernel_file = value; break;
     case KEYS: break;
     }
     return good ? 1 : -1;
