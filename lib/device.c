@@ -88,8 +88,10 @@ int device_choose(device *d, const fathom_config *config) {
     d->group = 1;
     if (!d->cpu) {
         size_t most = 1;
+        cl_ulong local = 0;
         clGetDeviceInfo(d->id, CL_DEVICE_MAX_WORK_GROUP_SIZE, sizeof most, &most, NULL);
-        d->group = most >= 64 ? 64 : 1;
+        clGetDeviceInfo(d->id, CL_DEVICE_LOCAL_MEM_SIZE, sizeof local, &local, NULL);
+        d->group = most >= 64 && local >= 1024 ? 64 : 1; /* the tree takes 256 bytes */
     }
     return FATHOM_OK;
 }
@@ -255,6 +257,15 @@ static int program_build(device *d) {
     if (cached && program_from_file(d, path, d->built_for, options)) return FATHOM_OK;
     if (cached && access(path, F_OK) == 0)
         device_log(d->config, FATHOM_LOG_INFO, "kernel cache %s can't be used: building anew", path);
+    cl_bool compiler = CL_TRUE;
+    clGetDeviceInfo(d->id, CL_DEVICE_COMPILER_AVAILABLE, sizeof compiler, &compiler, NULL);
+    if (!compiler) {
+        device_log(
+            d->config, FATHOM_LOG_ERROR,
+            "%s has no compiler: it needs kernels built elsewhere (kernel_file; fathom kernels makes them)",
+            d->name);
+        return FATHOM_ERROR_KERNEL;
+    }
     cl_int e;
     const char *sources[32];
     char lines[16][64];

@@ -112,6 +112,8 @@ void align_reduce(global const float *depth, global const float *normals, camera
         if (lane == 0) sums[y * SUMS + k] = tree[0];
         barrier(CLK_LOCAL_MEM_FENCE);
     }
+#elif LANES == 1
+    for (int k = 0; k < SUMS; k++) sums[y * SUMS + k] = s[k];
 #else
     for (int k = 0; k < SUMS; k++) {
         float4 h = s[k].lo + s[k].hi;
