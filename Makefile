@@ -5,7 +5,7 @@ BUILD    ?= build
 PREFIX   ?= /usr/local
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
-                  libpng-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
+                  libpng-dev libcmocka-dev oclgrind valgrind python3 python3-venv python3-numpy python3-matplotlib
 
 VERSION_MAJOR := $(shell sed -n 's/.define FATHOM_VERSION_MAJOR *//p' lib/fathom.h)
 VERSION_MINOR := $(shell sed -n 's/.define FATHOM_VERSION_MINOR *//p' lib/fathom.h)
@@ -39,7 +39,7 @@ DRIVERS_LIBS = $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 Q = $(if $(V),,@)
 say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 
-.PHONY: all deps demo check bench reproduce install uninstall clean help objects
+.PHONY: all deps demo check bench instructions reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
 all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom
@@ -100,6 +100,7 @@ help:
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
 	@echo "make bench      speed beside other systems, as ratios in one run"
+	@echo "make instructions  count the stages' instructions into tests/bench/instructions.txt, which make check holds"
 	@echo "make reproduce  the paper's claims as experiments, into docs/RESULTS.md (SECTIONS=a,d: only these)"
 	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
 	@echo "make clean      remove build/ and out/"
@@ -122,6 +123,11 @@ demo: deps
 bench: deps
 	@$(MAKE) --no-print-directory all
 	sh tests/bench/bench.sh $(BUILD)
+
+# The record that tests/e2e_instructions.sh holds stages to.
+instructions: deps
+	@$(MAKE) --no-print-directory all
+	sh tests/bench/instructions.sh $(BUILD) --update
 
 # SECTIONS: some of a to g, e.g. a,d; REPRODUCE: further options of tests/reproduce/reproduce.py.
 SECTIONS ?= a,b,c,d,e,f,g
