@@ -169,7 +169,14 @@ $(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(CLI_PARTS) $(DRIVER
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $< $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
-.PHONY: reproduce-tools
+# What make bench measures with beside it.
+$(BUILD)/tests/bench/limit: $(BUILD)/tests/bench/machine_limit.c.o $(BUILD)/tests/bench/stage_work.c.o
+$(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
+
+.PHONY: reproduce-tools bench-tools
+bench-tools: $(BUILD)/tests/bench/limit $(BUILD)/tests/bench/fusion
 reproduce-tools: $(BUILD)/tests/reproduce/drift $(BUILD)/tests/reproduce/verdict $(BUILD)/tests/reproduce/scene_distance
 
 .PHONY: tests
