@@ -22,7 +22,7 @@
 enum { AS_IT_COMES, COLD, WARM, WAYS };
 
 typedef struct {
-    char name[64];
+    char name[96]; /* and the size of its level, but for the finest */
 
     int launches;
     int timed[WAYS];
@@ -41,8 +41,8 @@ static struct {
     int frames;
 } watch;
 
-typedef cl_int (*enqueue_function)(cl_command_queue, cl_kernel, cl_uint, const size_t *, const size_t *, const size_t *,
-                                   cl_uint, const cl_event *, cl_event *);
+typedef cl_int (*enqueue_function)(cl_command_queue, cl_kernel, cl_uint, const size_t *, const size_t *,
+                                   const size_t *, cl_uint, const cl_event *, cl_event *);
 
 static double event_ms(cl_event event) {
     cl_ulong start = 0, end = 0;
@@ -81,7 +81,8 @@ static cl_int watched(enqueue_function next, cl_command_queue queue, cl_kernel k
     snprintf(label, sizeof label, "%s", name);
     for (int i = 0; i < FINEST; i++)
         if (rows == (size_t)f->maps.camera[i].height)
-            snprintf(label, sizeof label, "%s %dx%d", name, f->maps.camera[i].width, f->maps.camera[i].height);
+            snprintf(label, sizeof label, "%s %dx%d", name, f->maps.camera[i].width,
+                     f->maps.camera[i].height);
     watch.f = NULL; /* what is launched from here on is our own */
     clFinish(queue);
     if (watch.cast) { /* by now the library has kept where it cast from */
@@ -115,9 +116,10 @@ static cl_int watched(enqueue_function next, cl_command_queue queue, cl_kernel k
 }
 
 /* In place of the loader's: the library's launches come here. */
-__attribute__((visibility("default"))) cl_int clEnqueueNDRangeKernel(cl_command_queue queue, cl_kernel kernel, cl_uint dimensions,
-                                                const size_t *offset, const size_t *global, const size_t *local,
-                                                cl_uint waits, const cl_event *wait_list, cl_event *event) {
+__attribute__((visibility("default"))) cl_int
+clEnqueueNDRangeKernel(cl_command_queue queue, cl_kernel kernel, cl_uint dimensions, const size_t *offset,
+                       const size_t *global, const size_t *local, cl_uint waits, const cl_event *wait_list,
+                       cl_event *event) {
     static enqueue_function next;
     if (!next) {
         void *found = dlsym(RTLD_NEXT, "clEnqueueNDRangeKernel");
@@ -155,12 +157,13 @@ static void print_cell(double value, const char *format) {
 
 static void print_table(void) {
     const machine_limit *m = &watch.machine;
-    printf("bandwidth: read %.1f, write %.1f, copy %.1f GB/s; fused multiply-adds: float8 %.0f, float16 %.0f G/s; "
+    printf("bandwidth: read %.1f, write %.1f, copy %.1f GB/s; fused multiply-adds: float8 %.0f, float16 %.0f "
+           "G/s; "
            "an empty kernel and a wait %.1f us, one of twenty queued %.1f us\n\n",
-           1e-9 * m->read, 1e-9 * m->write, 1e-9 * m->copy, 1e-9 * m->fma8, 1e-9 * m->fma16, 1e3 * m->launch_ms,
-           1e3 * m->queued_ms);
-    printf("%-22s %8s %8s %8s %8s %8s %-9s %8s %8s %8s %8s\n", "kernel", "a frame", "MB", "M ops", "ms moved", "ms done",
-           "bound by", "in step", "times", "cold", "times");
+           1e-9 * m->read, 1e-9 * m->write, 1e-9 * m->copy, 1e-9 * m->fma8, 1e-9 * m->fma16,
+           1e3 * m->launch_ms, 1e3 * m->queued_ms);
+    printf("%-22s %8s %8s %8s %8s %8s %-9s %8s %8s %8s %8s\n", "kernel", "a frame", "MB", "M ops", "ms moved",
+           "ms done", "bound by", "in step", "times", "cold", "times");
     for (int i = 0; i < KERNELS && watch.kernels[i].name[0]; i++) {
         kernel_times *k = &watch.kernels[i];
         double moving, doing;
@@ -179,7 +182,8 @@ static void print_table(void) {
         print_cell(median(k, COLD) / limit, " %8.1f");
         putchar('\n');
         if (k->timed[WARM])
-            printf("%-22s %64s warm %.3f ms: %.1f times its operations\n", "", "", median(k, WARM), median(k, WARM) / doing);
+            printf("%-22s %64s warm %.3f ms: %.1f times its operations\n", "", "", median(k, WARM),
+                   median(k, WARM) / doing);
     }
 }
 
@@ -228,12 +232,14 @@ static int run(struct playback *playback, const fathom_recording *recording, int
     cl_int e;
     cl_command_queue plain = f->device.queue;
     int error = machine_limit_measure(&watch.machine, &f->device);
-    if (error || !work_start(&watch.work, f)) return cli_error(CLI_FAILED, "limit: the machine can't be measured");
+    if (error || !work_start(&watch.work, f))
+        return cli_error(CLI_FAILED, "limit: the machine can't be measured");
     f->device.queue = clCreateCommandQueue(f->device.context, f->device.id, CL_QUEUE_PROFILING_ENABLE, &e);
     if (!f->device.queue) return cli_error(CLI_FAILED, "limit: no queue with profiling (code %d)", e);
     clReleaseCommandQueue(plain);
     for (int i = 0; !error && i < frames && i < recording->frame_count; i++) {
-        const fathom_depth_frame scan = {recording->frames[i].timestamp_ns, depth, recording->width, recording->height};
+        const fathom_depth_frame scan = {recording->frames[i].timestamp_ns, depth, recording->width,
+                                         recording->height};
         fathom_result r;
         playback_push_imu(playback, recording, i);
         error = fathom_recording_read_depth(recording, i, depth);
@@ -270,7 +276,8 @@ int main(int argc, char **argv) {
             folder = value;
         else if (!strcmp(options.name, "--json"))
             json = value;
-        else if (strcmp(options.name, "--frames") || !cli_parse_long("--frames", value, FIRST + 4, 100000, &frames))
+        else if (strcmp(options.name, "--frames") ||
+                 !cli_parse_long("--frames", value, FIRST + 4, 100000, &frames))
             return cli_error(CLI_USAGE, "limit: wrong option %s", options.name);
     }
     if (!folder) return cli_error(CLI_USAGE, "usage: limit FOLDER [--frames N] [--json FILE] [settings]");

@@ -11,7 +11,8 @@
 /* A CPU's work-item streams through a stretch of its own, a GPU's through every n-th vector. */
 static const char source[] =
     "#if CPU\n"
-    "#define EACH(i, n) for (size_t i = get_global_id(0) * (n / get_global_size(0)), e = i + n / get_global_size(0); i < e; i++)\n"
+    "#define EACH(i, n) for (size_t i = get_global_id(0) * (n / get_global_size(0)), e = i + n / "
+    "get_global_size(0); i < e; i++)\n"
     "#else\n"
     "#define EACH(i, n) for (size_t i = get_global_id(0); i < n; i += get_global_size(0))\n"
     "#endif\n"
@@ -28,7 +29,8 @@ static const char source[] =
     "    EACH(i, n) to[i] = from[i];\n"
     "}\n"
     "#define CHAIN(V) kernel void fma_##V(float x, int rounds, global float *sums) { \\\n"
-    "    V a = x, b = x + 1, c = x + 2, d = x + 3, e = x + 4, f = x + 5, g = x + 6, h = x + 7, i = x + 8, j = x + 9, m = 0.999f; \\\n"
+    "    V a = x, b = x + 1, c = x + 2, d = x + 3, e = x + 4, f = x + 5, g = x + 6, h = x + 7, i = x + 8, j "
+    "= x + 9, m = 0.999f; \\\n"
     "    for (int k = 0; k < rounds; k++) { \\\n"
     "        a = fma(a, m, m); b = fma(b, m, m); c = fma(c, m, m); d = fma(d, m, m); e = fma(e, m, m); \\\n"
     "        f = fma(f, m, m); g = fma(g, m, m); h = fma(h, m, m); i = fma(i, m, m); j = fma(j, m, m); \\\n"
@@ -80,7 +82,8 @@ static double timed(machine_limit *m, device *d, const char *name, size_t items,
     return s;
 }
 #define TIMED(name, items, group, ...)                                                                       \
-    timed(m, d, name, items, group, (int)(sizeof((device_argument[]){__VA_ARGS__}) / sizeof(device_argument)), \
+    timed(m, d, name, items, group,                                                                          \
+          (int)(sizeof((device_argument[]){__VA_ARGS__}) / sizeof(device_argument)),                         \
           (device_argument[]){__VA_ARGS__})
 
 static void measure_launches(machine_limit *m, device *d) {
@@ -93,7 +96,8 @@ static void measure_launches(machine_limit *m, device *d) {
     double best = 1e30;
     for (int i = 0; i < 20; i++) {
         double start = now_s();
-        for (int k = 0; k < 20; k++) clEnqueueNDRangeKernel(d->queue, kernel, 1, NULL, &one, &one, 0, NULL, NULL);
+        for (int k = 0; k < 20; k++)
+            clEnqueueNDRangeKernel(d->queue, kernel, 1, NULL, &one, &one, 0, NULL, NULL);
         clFinish(d->queue);
         if (now_s() - start < best) best = now_s() - start;
     }

@@ -5,8 +5,8 @@
 #include "device.h"
 
 typedef struct {
-    double read, write, copy;    /* bytes a second, buffers larger than the caches; copy: read and written */
-    double fma8, fma16;          /* fused multiply-adds a second, of float8 and float16; each counts once a lane */
+    double read, write, copy; /* bytes a second, buffers larger than the caches; copy: read and written */
+    double fma8, fma16; /* fused multiply-adds a second, of float8 and float16; each counts once a lane */
     double launch_ms, queued_ms; /* an empty kernel and a wait; one of twenty that are waited for together */
     cl_program program;
     cl_kernel evict;

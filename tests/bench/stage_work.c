@@ -76,7 +76,8 @@ double work_cast_voxels(work_state *w, fathom *f) {
     double count = 0;
     memset(w->lines, 0, w->voxel_bytes / LINE / 8 + 1);
     for (int i = 0; model && table && i < c->width * c->height; i++) {
-        double z = model[i].w, p[3] = {(i % c->width - c->cx) / c->fx * z, (i / c->width - c->cy) / c->fy * z, z};
+        double z = model[i].w,
+               p[3] = {(i % c->width - c->cx) / c->fx * z, (i / c->width - c->cy) / c->fy * z, z};
         int at[3];
         if (z <= 0) continue;
         for (int k = 0; k < 3; k++) {
@@ -114,7 +115,9 @@ bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_
     *work = (stage_work){0};
     if (!strcmp(kernel, "convert_depth")) { /* a raw pixel: convert, scale, nearest, compare, sum, count */
         *work = (stage_work){2 * raw, 4 * pixels, 6 * raw + 4 * pixels};
-    } else if (!strcmp(kernel, "smooth_depth")) { /* 25 neighbours: five of the weight, its two factors, choice, two sums */
+    } else if (
+        !strcmp(kernel,
+                "smooth_depth")) { /* 25 neighbours: five of the weight, its two factors, choice, two sums */
         *work = (stage_work){4 * pixels, 4 * pixels, 25 * 10 * valid_pixels(f, level)};
     } else if (!strcmp(kernel, "halve_depth")) {
         *work = (stage_work){16 * pixels, 4 * pixels, 20 * pixels};
@@ -128,11 +131,12 @@ bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_
         /* the sums alone: 21 + 6 of the row, the weighted row 6, the cross product 6, residual, weights and moments 12 */
         double pairs, overlap;
         pairs_of(f, (int)rows, &pairs, &overlap);
-        *work = (stage_work){4 * pixels + 16 * valid_pixels(f, level) + 16 * overlap, 4.0 * SUMS * (double)rows,
-                             51 * pairs};
+        *work = (stage_work){4 * pixels + 16 * valid_pixels(f, level) + 16 * overlap,
+                             4.0 * SUMS * (double)rows, 51 * pairs};
     } else if (!strcmp(kernel, "raycast_near")) {
         /* one step: the point 6, a cube 8, interpolation and gradient 21, the step 8; the normal turned 20 */
-        *work = (stage_work){4 * pixels, 16 * pixels, 63 * valid_pixels(f, FINEST)}; /* and work_cast_voxels */
+        *work =
+            (stage_work){4 * pixels, 16 * pixels, 63 * valid_pixels(f, FINEST)}; /* and work_cast_voxels */
     } else if (!strcmp(kernel, "request_blocks")) {
         /* a block's table entry, once; a third of a block apart, rays of some 20 and 12 for each of two blocks */
         const kernel_camera *c = &m->camera[FINEST];

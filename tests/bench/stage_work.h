@@ -13,7 +13,7 @@ typedef struct {
 typedef struct {
     uint8_t *voxels; /* a copy of the pool from before fusion */
     size_t voxel_bytes;
-    uint8_t *lines; /* a bit for each 64 bytes of the pool */
+    uint8_t *lines;      /* a bit for each 64 bytes of the pool */
     double fused_blocks; /* of the last fusion */
 } work_state;
 
