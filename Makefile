@@ -175,8 +175,24 @@ $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(B
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
+# A library that is an object of its own, so that its calls of the heap can be told from others'.
+HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/cli/,playback.c settings.c options.c cli.c log.c))
+$(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.so
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_A) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)
+
+$(BUILD)/tests/bench/libheap_count.so: $(BUILD)/tests/bench/heap_count.c.o
+	$(call say,LD)
+	$(Q)$(CC) -shared -o $@ $^ $(ALL_LDFLAGS)
+
+# OpenCV's rgbd module, where it is installed.
+$(BUILD)/tests/bench/odometry: tests/bench/odometry.cpp
+	$(call say,CXX)
+	$(Q)mkdir -p $(@D) && $(CXX) -std=c++17 $(OPTIMISE) $(WARN) -isystem /usr/include/opencv4 -o $@ $< -lopencv_rgbd -lopencv_imgcodecs -lopencv_core -ldl
+
 .PHONY: reproduce-tools bench-tools
-bench-tools: $(BUILD)/tests/bench/limit $(BUILD)/tests/bench/fusion
+bench-tools: $(addprefix $(BUILD)/tests/bench/,limit fusion heap libheap_count.so)
+	@if [ -e /usr/include/opencv4/opencv2/rgbd.hpp ]; then $(MAKE) --no-print-directory $(BUILD)/tests/bench/odometry; fi
 reproduce-tools: $(BUILD)/tests/reproduce/drift $(BUILD)/tests/reproduce/verdict $(BUILD)/tests/reproduce/scene_distance
 
 .PHONY: tests
