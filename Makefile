@@ -99,7 +99,7 @@ help:
 	@echo "make deps       install the Debian packages that are missing"
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
-	@echo "make bench      speed beside other systems, as ratios in one run"
+	@echo "make bench      speed beside other systems and the machine's limit (BENCH=--results: into docs/SPEED.md)"
 	@echo "make instructions  count the stages' instructions into tests/bench/instructions.txt, which make check holds"
 	@echo "make reproduce  the paper's claims as experiments, into docs/RESULTS.md (SECTIONS=a,d: only these)"
 	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
@@ -120,9 +120,11 @@ demo: deps
 	@$(MAKE) --no-print-directory all
 	sh examples/demo.sh $(BUILD)
 
+# BENCH: further options of tests/bench/bench.py, e.g. --results, which writes docs/SPEED.md.
 bench: deps
-	@$(MAKE) --no-print-directory all
-	sh tests/bench/bench.sh $(BUILD)
+	@sh tests/bench/opencv.sh
+	@$(MAKE) --no-print-directory all bench-tools
+	sh tests/bench/bench.sh $(BUILD) $(BENCH)
 
 # The record that tests/e2e_instructions.sh holds stages to.
 instructions: deps

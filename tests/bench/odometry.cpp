@@ -1,11 +1,12 @@
 // Times OpenCV's FastICPOdometry (rgbd module) on the first frames of a recording: each frame with the one before.
 // Usage: odometry FOLDER WIDTHxHEIGHT THREADS FRAMES. Frames are decoded, and for a smaller size thinned to every Nth
 // pixel, before anything is timed. Stdout: one JSON object: milliseconds frame by frame (of the frame's maps and of the
-// alignment), heap calls a frame where a counter is loaded, the poses.
+// alignment), heap calls a frame where a counter is loaded, the path's error where there is a true one.
 #include <dlfcn.h>
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -41,6 +42,47 @@ double depth_scale(const std::string &folder) {
         if (in >> key >> value && key == "depth_scale") return value;
     }
     return 5000;
+}
+
+// Root mean square distance from groundtruth.txt after the best rigid alignment (Horn), NaN without it.
+double ate(const std::string &folder, const std::vector<double> &stamps, const std::vector<cv::Vec3d> &path) {
+    std::vector<double> times;
+    std::vector<cv::Vec3d> truth;
+    for (const std::string &line : lines(folder + "/groundtruth.txt")) {
+        std::istringstream in(line);
+        double t;
+        cv::Vec3d p;
+        if (!(in >> t >> p[0] >> p[1] >> p[2])) continue;
+        times.push_back(t);
+        truth.push_back(p);
+    }
+    std::vector<cv::Vec3d> a, b; // the true and the found place at each stamp
+    cv::Vec3d mean_a(0, 0, 0), mean_b(0, 0, 0);
+    for (size_t i = 0; i < stamps.size(); i++) {
+        const double t = stamps[i];
+        const size_t k = static_cast<size_t>(std::lower_bound(times.begin(), times.end(), t - 1e-6) - times.begin());
+        if (k == times.size()) continue;
+        const double part = k > 0 ? std::min((t - times[k - 1]) / (times[k] - times[k - 1]), 1.0) : 1;
+        a.push_back(k > 0 ? truth[k - 1] * (1 - part) + truth[k] * part : truth[k]);
+        b.push_back(path[i]);
+        mean_a += a.back();
+        mean_b += b.back();
+    }
+    if (a.size() < 3) return NAN;
+    mean_a /= static_cast<double>(a.size());
+    mean_b /= static_cast<double>(b.size());
+    cv::Matx33d cross = cv::Matx33d::zeros();
+    for (size_t i = 0; i < a.size(); i++) cross += (a[i] - mean_a) * (b[i] - mean_b).t();
+    cv::Matx31d w;
+    cv::Matx33d u, vt;
+    cv::SVD::compute(cross, w, u, vt);
+    const cv::Matx33d turn = u * cv::Matx33d::diag(cv::Vec3d(1, 1, cv::determinant(u * vt))) * vt;
+    double sum = 0;
+    for (size_t i = 0; i < a.size(); i++) {
+        const cv::Vec3d off = (a[i] - mean_a) - turn * (b[i] - mean_b);
+        sum += off.dot(off);
+    }
+    return std::sqrt(sum / static_cast<double>(a.size()));
 }
 
 void print(const char *name, const std::vector<double> &values) {
@@ -94,7 +136,8 @@ int main(int argc, char **argv) {
     cv::Ptr<cv::rgbd::FastICPOdometry> odometry = cv::rgbd::FastICPOdometry::create(cv::Mat(camera));
     cv::Ptr<cv::rgbd::OdometryFrame> before;
     cv::Matx44d pose = cv::Matx44d::eye();
-    std::vector<double> maps, track, heap, path;
+    std::vector<double> maps, track, heap;
+    std::vector<cv::Vec3d> path;
     int lost = 0;
     for (size_t i = 0; i < images.size(); i++) {
         const long calls = heap_calls ? heap_calls() : 0;
@@ -110,15 +153,15 @@ int main(int argc, char **argv) {
         lost += !found;
         maps.push_back(prepared - start);
         track.push_back(end - prepared);
-        for (int k = 0; k < 3; k++) path.push_back(pose(k, 3));
+        path.push_back(cv::Vec3d(pose(0, 3), pose(1, 3), pose(2, 3)));
         before = frame;
     }
     std::printf("{");
     print("maps", maps);
     print("track", track);
     print("heap", heap);
-    print("stamps", stamps);
-    print("path", path);
+    const double error = ate(folder, stamps, path);
+    if (std::isfinite(error)) std::printf("\"ate_rmse_m\": %.6f, ", error);
     std::printf("\"frames\": %zu, \"lost\": %d, \"version\": \"%s\"}\n", images.size(), lost, CV_VERSION);
     return 0;
 }
