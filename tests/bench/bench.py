@@ -37,6 +37,7 @@ def arguments():
     parser.add_argument("--frames", type=int, default=0, help=f"frames a run instead, {frames.MOST} at most")
     parser.add_argument("--sizes", default="320x240,640x480", help="alignment resolutions")
     parser.add_argument("--threads", default="1,2", help="numbers of threads")
+    parser.add_argument("--folder", default="", help="a recording folder (default the kitchen, else a simulated room)")
     parser.add_argument("--systems", default="", help="only those whose names hold one of these words, e.g. Open3D,given")
     parser.add_argument("--results", nargs="?", const="docs/SPEED.md", default="",
                         help="writes the tables into a page (default docs/SPEED.md)")
@@ -146,7 +147,7 @@ def main():
     start = time.monotonic()
     described = machine.describe(options.build)
     os.makedirs(os.path.join(options.build, "bench"), exist_ok=True)
-    folder = frames.source(options.build, log)
+    folder = options.folder or frames.source(options.build, log)
     cases = cases_of(options)
     systems, fixed, each, heap = probe(systems_of(options, folder), cases, folder, options.build)
     if not systems or not cases:

@@ -23,6 +23,10 @@ def paragraph(lines):
     return [*textwrap.wrap(" ".join(lines), 124), ""]
 
 
+def sentence(text):
+    return text[0].upper() + text[1:] + "."
+
+
 def compared(rows):
     lines = []
     for kind in KINDS:
@@ -39,14 +43,14 @@ def compared(rows):
 def limits_text(limits):
     lines = ["## The machine's limit", "", *paragraph(limit.NOTES)] if limits else []
     for found in limits:
-        lines += [f"### {found['size']}, {found['threads']} threads", "", limit.title(found).split(": ", 1)[1].capitalize() + ".", ""]
+        lines += [f"### {found['size']}, {found['threads']} threads", "", sentence(limit.title(found).split(": ", 1)[1]), ""]
         lines += table(limit.HEAD, limit.rows(found))
     return lines
 
 
 def write(path, described, head, rows, limits):
-    lines = [HEAD, *[line[0].upper() + line[1:] + "  " for line in machine.lines(described)],
-             report.summary(head).capitalize() + ".", "", *compared(rows), *paragraph(report.NOTES), *limits_text(limits)]
+    lines = [HEAD, *[sentence(line)[:-1] + "  " for line in machine.lines(described)],
+             sentence(report.summary(head)), "", *compared(rows), *paragraph(report.NOTES), *limits_text(limits)]
     with open(path + ".part", "w", encoding="utf-8") as file:
         file.write("\n".join(lines).rstrip("\n") + "\n")
     os.replace(path + ".part", path)

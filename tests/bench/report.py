@@ -16,11 +16,13 @@ def quantile(values, share):
 
 
 def figures(run):
-    """What is kept of a run: medians of the stages, the 95th percentile of the step, and what isn't time."""
+    """What is kept of a run: median, 95th percentile and mean of the whole, means of the stages, which add up to it, and
+    what isn't time."""
     ms = {stage: values[WARM:] for stage, values in run["ms"].items()}
     kept = {key: value for key, value in run.items() if key != "ms"}
-    return {**kept, "ms_median": {stage: median(values) if values else None for stage, values in ms.items()},
-            "ms_p95": quantile(ms["total"], 0.95) if ms["total"] else None}
+    total = ms["total"]
+    return {**kept, "ms_median": median(total) if total else None, "ms_p95": quantile(total, 0.95) if total else None,
+            "ms_mean": {stage: sum(values) / len(values) if values else None for stage, values in ms.items()}}
 
 
 def middle(values):
@@ -32,14 +34,14 @@ def summarise(runs, case, system):
     """One row of the table: medians over the pairs, and the ratio to the system it is compared with pair by pair."""
     mine = {run["pair"]: run for run in runs if run["case"] == case and run["system"] == system.name}
     theirs = {run["pair"]: run for run in runs if run["case"] == case and run["system"] == system.against}
-    above = {pair: run["ms_p95"] if system.quantity == "p95" else run["ms_median"]["total"] for pair, run in mine.items()}
-    ratios = [above[pair] / theirs[pair]["ms_median"]["total"] for pair in sorted(mine)
-              if pair in theirs and above[pair] and theirs[pair]["ms_median"]["total"]]
+    above = {pair: run["ms_p95"] if system.quantity == "p95" else run["ms_median"] for pair, run in mine.items()}
+    ratios = [above[pair] / theirs[pair]["ms_median"] for pair in sorted(mine)
+              if pair in theirs and above[pair] and theirs[pair]["ms_median"]]
     every = list(mine.values())
     return {"kind": system.kind, "size": case.size, "threads": case.threads, "system": system.name,
             "against": system.against, "quantity": system.quantity, "pairs": len(every),
-            "ms_median": {stage: middle(run["ms_median"].get(stage) for run in every) for stage in STAGES},
-            "ms_p95": middle(run["ms_p95"] for run in every),
+            "ms_median": middle(run["ms_median"] for run in every), "ms_p95": middle(run["ms_p95"] for run in every),
+            "ms_mean": {stage: middle(run["ms_mean"].get(stage) for run in every) for stage in STAGES},
             "resident_mb": middle(run["resident_mb"] for run in every),
             "arena_mb": middle(run.get("arena_mb") for run in every),
             "ate_rmse_m": middle(run["ate_rmse_m"] for run in every),
@@ -48,7 +50,7 @@ def summarise(runs, case, system):
             "ratio": {"median": middle(ratios), "least": min(ratios, default=None), "most": max(ratios, default=None)}}
 
 
-COLUMNS = ("size", "threads", "system", "median", "95 %", "maps", "track", "alloc", "fuse", "cast", "MB", "ATE cm", "lost",
+COLUMNS = ("size", "threads", "system", "median", "95 %", "mean", "maps", "track", "alloc", "fuse", "cast", "MB", "ATE cm", "lost",
            "heap", "cores", "ratio")
 
 
@@ -64,10 +66,10 @@ def ratio_text(ratio):
 
 def cells(row):
     """A row's figures as text, one a column."""
-    ms = row["ms_median"]
+    ms = row["ms_mean"]
     ate = None if row["ate_rmse_m"] is None else 100 * row["ate_rmse_m"]
     stages = [number(ms[stage], 2 if ms[stage] is not None and ms[stage] < 10 else 1) for stage in STAGES if stage != "total"]
-    return [row["size"], str(row["threads"]), row["system"], number(ms["total"], 1), number(row["ms_p95"], 1), *stages,
+    return [row["size"], str(row["threads"]), row["system"], number(row["ms_median"], 1), number(row["ms_p95"], 1), number(ms["total"], 1), *stages,
             number(row["resident_mb"], 0), number(ate, 2), number(row["lost"], 0), number(row["heap"], 0),
             number(row["cores"], 2), ratio_text(row["ratio"])]
 
@@ -97,7 +99,7 @@ def text_table(rows):
             if last not in (None, "size") and line[0:2] != last_case:
                 text.append("")
             last, last_case = line[0], line[0:2]
-            text.append("  ".join(cell.ljust(width) if k in (0, 2, 15) else cell.rjust(width)
+            text.append("  ".join(cell.ljust(width) if k in (0, 2, len(COLUMNS) - 1) else cell.rjust(width)
                                   for k, (cell, width) in enumerate(zip(line, widths))).rstrip())
     return text
 
@@ -108,8 +110,8 @@ def summary(head):
             f"{', '.join(head['others']) or 'no other system'}; {head['seconds']:.0f} s in all")
 
 
-NOTES = """Milliseconds a frame; medians over a run's frames after the first 10, then over the pairs. Threads: cores that the process is
-confined to, too. maps: within track for Open3D. alloc: within fuse for a whole step. MB: most resident memory of the
+NOTES = """Milliseconds a frame over a run's frames after the first 10, then the median over the pairs; stages are means, which add up to
+the whole one's. Threads: cores that the process is confined to, too. maps: within track for Open3D. alloc: within fuse for a whole step. MB: most resident memory of the
 process, less the frames it holds decoded. heap: calls of malloc, free and their kin a frame, counted in a run of its own;
 for fathom those from its own code (the OpenCL runtime makes others). cores: kept busy, over the whole process; with one
 thread, below 0.9 tells that it was disturbed. fathom is given the full frame and aligns at the size; the others are given
