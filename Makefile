@@ -39,7 +39,7 @@ DRIVERS_LIBS = $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 Q = $(if $(V),,@)
 say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 
-.PHONY: all deps demo check bench instructions reproduce install uninstall clean help objects
+.PHONY: all deps demo check bench bench-scale instructions reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
 all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom
@@ -100,6 +100,7 @@ help:
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
 	@echo "make bench      speed beside other systems and the machine's limit (BENCH=--results: into docs/SPEED.md)"
+	@echo "make bench-scale  time and memory as the work grows: depth, voxels, way, threads; into docs/SCALE.md"
 	@echo "make instructions  count the stages' instructions into tests/bench/instructions.txt, which make check holds"
 	@echo "make reproduce  the paper's claims as experiments, into docs/RESULTS.md (SECTIONS=a,d: only these)"
 	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
@@ -125,6 +126,11 @@ bench: deps
 	@sh tests/bench/opencv.sh
 	@$(MAKE) --no-print-directory all bench-tools
 	sh tests/bench/bench.sh $(BUILD) $(BENCH)
+
+# SCALE: options of tests/bench/scale.py.
+bench-scale: deps
+	@$(MAKE) --no-print-directory all
+	sh tests/bench/scale.sh $(BUILD) $(SCALE)
 
 # The record that tests/e2e_instructions.sh holds stages to.
 instructions: deps
