@@ -141,7 +141,6 @@ void align_reduce(global const float *depth, global const float *normals, camera
         wfloat z = WLOAD(depth + i);
         wfloat confidence = WLOAD(normals + 3 * c.plane + i);
         wint valid = confidence > zero;
-        if (!ANY(valid)) continue;
         wfloat u = ((float)x - c.cx + COLUMNS) * ifx;
         wfloat px = (motion.x.x * u + rx) * z + motion.x.w;
         wfloat py = (motion.y.x * u + ry) * z + motion.y.w;
