@@ -32,7 +32,7 @@ def arguments():
     parser.add_argument("--build", required=True, help=argparse.SUPPRESS)
     parser.add_argument("--open3d", default="", help=argparse.SUPPRESS)  # the Python that has it
     parser.add_argument("--pairs", type=int, default=5, help="rounds of all systems (default 5)")
-    parser.add_argument("--quick", action="store_true", help="one pair, about two minutes")
+    parser.add_argument("--quick", action="store_true", help="one pair, about four minutes")
     parser.add_argument("--minutes", type=float, default=15, help="most time for all; frames are counted to fit it")
     parser.add_argument("--frames", type=int, default=0, help=f"frames a run instead, {frames.MOST} at most")
     parser.add_argument("--sizes", default="320x240,640x480", help="alignment resolutions")
@@ -44,7 +44,7 @@ def arguments():
     parser.add_argument("--json", default="out/bench.json", help="where all figures go (default out/bench.json)")
     options = parser.parse_args()
     if options.quick:
-        options.pairs, options.minutes = 1, min(options.minutes, 2)
+        options.pairs, options.minutes = 1, min(options.minutes, 4)
     if options.pairs < 1 or options.frames < 0 or 0 < options.frames <= report.WARM:
         parser.error(f"--pairs is at least 1, --frames more than {report.WARM}")
     return options
@@ -121,7 +121,7 @@ def run_pair(pair, systems, cases, folder, count, runs):
 
 
 def run_pairs(options, start, systems, cases, folder, count):
-    """All runs. Stops after a pair when another would take too long, unless the number of frames was given."""
+    """All runs. Stops after a pair when another would take too long, unless the number of frames was given; says so."""
     runs = []
     for pair in range(1, options.pairs + 1):
         before = time.monotonic()

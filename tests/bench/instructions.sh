@@ -35,7 +35,8 @@ command -v python3 >/dev/null || absent "no python3"
 grep -qw avx2 /proc/cpuinfo || absent "this CPU has no AVX2"
 
 mkdir -p "$work/pocl" "$work/cache"
-export POCL_DEVICES=basic POCL_LLVM_CPU_NAME=haswell POCL_KERNELLIB_NAME=avx2 POCL_CACHE_DIR="$work/pocl" XDG_CACHE_HOME="$work/cache"
+export POCL_DEVICES=basic POCL_LLVM_CPU_NAME=haswell POCL_KERNELLIB_NAME=avx2
+export POCL_CACHE_DIR="$work/pocl" XDG_CACHE_HOME="$work/cache"
 "$build/fathom" info >"$work/info" 2>&1
 grep -q 'basic-haswell' "$work/info" || absent "no PoCL here whose basic device takes POCL_LLVM_CPU_NAME"
 # what counts depend on beside the source

@@ -72,8 +72,9 @@ def text(limits):
     return lines + NOTES if lines else lines
 
 
-NOTES = """The limit is the longer of two times: for the bytes that a kernel must at least move once (at the bandwidth of streams through
-buffers larger than the caches), and for the operations that it must at least do (at the rate of fused multiply-adds; an
-operation is one lane's, a fused multiply-add is one). Both are counted from each frame's data (tests/bench/stage_work.c);
-align_reduce counts its sums alone, neither projection nor gather. Times are the device's own, without the launch. Cold: the
-caches were flushed before. Again and again: everything is in the caches, so only the operations bound it.""".split("\n")
+NOTES = """The limit is the longer of two times: for the bytes that a kernel must at least move once (at the bandwidth
+of streams through buffers larger than the caches), and for the operations that it must at least do (at the rate of
+fused multiply-adds; an operation is one lane's, a fused multiply-add is one). Both are counted from each frame's data
+(tests/bench/stage_work.c); align_reduce counts its sums alone, neither projection nor gather. Times are the device's
+own, without the launch. Cold: the caches were flushed before. Again and again: everything is in the caches, so only the
+operations bound it.""".split("\n")

@@ -7,10 +7,10 @@ if [ "$(id -u)" = 0 ]; then as=""
 elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then as=sudo
 else as=none; fi
 if [ "$as" = none ] || ! command -v apt-get >/dev/null; then
-    echo "bench: no OpenCV with its rgbd module here (Debian: $package): FastICPOdometry is left out" >&2
+    echo "bench: $package isn't installed, and can't be from here" >&2
     exit 0
 fi
 echo "bench: installing $package (once; some 200 packages)" >&2
 { $as apt-get update -q && $as env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends $package; } \
-    >/dev/null 2>&1 || echo "bench: $package can't be installed: FastICPOdometry is left out" >&2
+    >/dev/null 2>&1 || echo "bench: $package can't be installed" >&2
 exit 0

@@ -43,7 +43,8 @@ def compared(rows):
 def limits_text(limits):
     lines = ["## The machine's limit", "", *paragraph(limit.NOTES)] if limits else []
     for found in limits:
-        lines += [f"### {found['size']}, {found['threads']} threads", "", sentence(limit.title(found).split(": ", 1)[1]), ""]
+        lines += [f"### {found['size']}, {found['threads']} threads", "",
+                  *paragraph([sentence(limit.title(found).split(": ", 1)[1])])]
         lines += table(limit.HEAD, limit.rows(found))
     return lines
 

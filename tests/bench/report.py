@@ -50,8 +50,8 @@ def summarise(runs, case, system):
             "ratio": {"median": middle(ratios), "least": min(ratios, default=None), "most": max(ratios, default=None)}}
 
 
-COLUMNS = ("size", "threads", "system", "median", "95 %", "mean", "maps", "track", "alloc", "fuse", "cast", "MB", "ATE cm", "lost",
-           "heap", "cores", "ratio")
+COLUMNS = ("size", "threads", "system", "median", "95 %", "mean", "maps", "track", "alloc", "fuse", "cast", "MB", "ATE cm",
+           "lost", "heap", "cores", "ratio")
 
 
 def number(value, decimals):
@@ -68,8 +68,9 @@ def cells(row):
     """A row's figures as text, one a column."""
     ms = row["ms_mean"]
     ate = None if row["ate_rmse_m"] is None else 100 * row["ate_rmse_m"]
-    stages = [number(ms[stage], 2 if ms[stage] is not None and ms[stage] < 10 else 1) for stage in STAGES if stage != "total"]
-    return [row["size"], str(row["threads"]), row["system"], number(row["ms_median"], 1), number(row["ms_p95"], 1), number(ms["total"], 1), *stages,
+    stages = [number(ms[stage], 2) for stage in STAGES if stage != "total"]
+    return [row["size"], str(row["threads"]), row["system"], number(row["ms_median"], 1), number(row["ms_p95"], 1),
+            number(ms["total"], 1), *stages,
             number(row["resident_mb"], 0), number(ate, 2), number(row["lost"], 0), number(row["heap"], 0),
             number(row["cores"], 2), ratio_text(row["ratio"])]
 
@@ -110,11 +111,12 @@ def summary(head):
             f"{', '.join(head['others']) or 'no other system'}; {head['seconds']:.0f} s in all")
 
 
-NOTES = """Milliseconds a frame over a run's frames after the first 10, then the median over the pairs; stages are means, which add up to
-the whole one's. Threads: cores that the process is confined to, too. maps: within track for Open3D. alloc: within fuse for a whole step. MB: most resident memory of the
-process, less the frames it holds decoded. heap: calls of malloc, free and their kin a frame, counted in a run of its own;
-for fathom those from its own code (the OpenCL runtime makes others). cores: kept busy, over the whole process; with one
-thread, below 0.9 tells that it was disturbed. fathom is given the full frame and aligns at the size; the others are given
-the size. Open3D fuses depth alone here (with colour it is slower). "All frames" is the whole recording; its ratio is of its
-95th percentile to Open3D's median. Frame to frame: maps and alignment of `fathom replay --against previous --start previous
---imu none`. Given poses: each block of each frame is fused (a step takes turns where the camera has hardly moved).""".split("\n")
+NOTES = """Milliseconds a frame over a run's frames after the first 10, then the median over the pairs; stages are
+means, which add up to the whole one's. Threads: cores that the process is confined to, too. maps: within track for
+Open3D. alloc: within fuse for a whole step. MB: most resident memory of the process, less the frames it holds decoded.
+heap: calls of malloc, free and their kin a frame, counted in a run of its own; for fathom those from its own code (the
+OpenCL runtime makes others). cores: kept busy, over the whole process; with one thread, below 0.9 tells that it was
+disturbed. fathom is given the full frame and aligns at the size; the others are given the size. Open3D fuses depth
+alone here (with colour it is slower). "All frames" is the whole recording; its ratio is of its 95th percentile to
+Open3D's median. Frame to frame: maps and alignment of `fathom replay --against previous --start previous --imu none`.
+Given poses: each block of each frame is fused (a step takes turns where the camera has hardly moved).""".split("\n")

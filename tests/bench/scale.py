@@ -18,8 +18,9 @@ VOXELS = (0.04, 0.02, 0.01, 0.005)
 WARM = 10  # frames that don't count
 STRETCH_M = 1.0  # of the way, over which time is taken together
 
-NOTES = """Time: median milliseconds of a step, and its 95th percentile. Surface: blocks in use at 2 KB and 16 bytes each; the pool's
-bound is what the memory cap leaves for blocks. Resident: the most of the whole process, the OpenCL runtime included.""".split("\n")
+NOTES = """Time: median milliseconds of a step, and its 95th percentile. Surface: blocks in use at 2 KB and 16 bytes
+each; the pool's bound is what the memory cap leaves for blocks. Resident: the most of the whole process, the OpenCL
+runtime included.""".split("\n")
 
 
 def log(text):
@@ -71,8 +72,8 @@ class Runs:
         summary = dict(field.split("=", 1) for field in output.strip().splitlines()[-1].split())
         ms = [float(row["ms_total"]) for row in rows]
         return {"ms": ms, "blocks": [int(row["blocks"]) for row in rows], "walked": walked,
-                "median": float(np.median(ms[WARM:])), "p95": quantile(ms[WARM:], 0.95), "tracked": int(summary["tracked"]),
-                "frames": len(rows), "ate": float(summary["ate_rmse_m"]), "arena_mb": float(summary["arena_mb"]),
+                "median": float(np.median(ms[WARM:])), "p95": quantile(ms[WARM:], 0.95),
+                "tracked": int(summary["tracked"]), "frames": len(rows), "ate": float(summary["ate_rmse_m"]), "arena_mb": float(summary["arena_mb"]),
                 "resident_mb": measured["resident_mb"]}
 
 
@@ -81,8 +82,8 @@ def surface_mb(blocks):
 
 
 def row_of(what, run):
-    return [what, f"{run['median']:.1f}", f"{run['p95']:.1f}", f"{surface_mb(run['blocks'][-1]):.1f}", f"{run['arena_mb']:.0f}",
-            f"{run['resident_mb']:.0f}", f"{1000 * run['ate']:.1f}", f"{run['tracked']} of {run['frames']}"]
+    return [what, f"{run['median']:.1f}", f"{run['p95']:.1f}", f"{surface_mb(run['blocks'][-1]):.1f}",
+            f"{run['arena_mb']:.0f}", f"{run['resident_mb']:.0f}", f"{1000 * run['ate']:.1f}", f"{run['tracked']} of {run['frames']}"]
 
 
 def columns(first):
@@ -158,7 +159,7 @@ def draw(path, sizes, voxels, stretches, threads):
 def write(options, described, sizes, voxels, walk, stretches, threads):
     lines = ["# Cost as the work grows", "", "Made by `make bench-scale` (tests/bench/scale.py); not written by hand.", "",
              *[sentence(line)[:-1] + "  " for line in machine.lines(described)], "", *paragraph(NOTES),
-             "![Time a frame and memory against depth size, voxel size, length of the way and threads](results/scale.png)", "",
+             "![Time and memory against depth size, voxel size, way and threads](results/scale.png)", "",
              f"## Depth size: simulated room, {options.frames} frames, 1 cm, alignment at most 320 wide", "",
              *table(columns("depth"), [row_of(size, run) for size, run in sizes]),
              "## Voxel size: the same at 640x480, up to 512 MB", "",
@@ -167,7 +168,8 @@ def write(options, described, sizes, voxels, walk, stretches, threads):
              f"## Length of the way: simulated corridor of {options.length:g} m, 320x240, 1 cm", ""]
     few = [stretches[i] for i in np.unique(np.geomspace(1, len(stretches), min(12, len(stretches))).astype(int) - 1)]
     lines += table(["metres", "median", "95 %", "surface MB"],
-                   [[f"{at:.0f}", f"{median:.1f}", f"{p95:.1f}", f"{surface_mb(blocks):.1f}"] for at, median, p95, blocks in few])
+                   [[f"{at:.0f}", f"{median:.1f}", f"{p95:.1f}", f"{surface_mb(blocks):.1f}"]
+                    for at, median, p95, blocks in few])
     lines += table(columns("the whole walk"), [row_of(f"{walk['walked'][-1]:.0f} m", walk)])
     path = os.path.join(options.docs, "SCALE.md")
     with open(path + ".part", "w", encoding="utf-8") as file:
