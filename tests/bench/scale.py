@@ -73,8 +73,8 @@ class Runs:
         ms = [float(row["ms_total"]) for row in rows]
         return {"ms": ms, "blocks": [int(row["blocks"]) for row in rows], "walked": walked,
                 "median": float(np.median(ms[WARM:])), "p95": quantile(ms[WARM:], 0.95),
-                "tracked": int(summary["tracked"]), "frames": len(rows), "ate": float(summary["ate_rmse_m"]), "arena_mb": float(summary["arena_mb"]),
-                "resident_mb": measured["resident_mb"]}
+                "tracked": int(summary["tracked"]), "frames": len(rows), "ate": float(summary["ate_rmse_m"]),
+                "arena_mb": float(summary["arena_mb"]), "resident_mb": measured["resident_mb"]}
 
 
 def surface_mb(blocks):
@@ -83,7 +83,8 @@ def surface_mb(blocks):
 
 def row_of(what, run):
     return [what, f"{run['median']:.1f}", f"{run['p95']:.1f}", f"{surface_mb(run['blocks'][-1]):.1f}",
-            f"{run['arena_mb']:.0f}", f"{run['resident_mb']:.0f}", f"{1000 * run['ate']:.1f}", f"{run['tracked']} of {run['frames']}"]
+            f"{run['arena_mb']:.0f}", f"{run['resident_mb']:.0f}", f"{1000 * run['ate']:.1f}",
+            f"{run['tracked']} of {run['frames']}"]
 
 
 def columns(first):
