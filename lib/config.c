@@ -20,6 +20,7 @@ fathom_config fathom_config_default(void) {
     c.depth_max_m = 5;
     c.depth_noise_base_m = 0.0001f;
     c.depth_noise_growth = 0.003f;
+    c.align_most = 320;
     c.against = FATHOM_AGAINST_MODEL;
     c.prior = FATHOM_PRIOR_INFORMATION;
     const int iterations[FATHOM_LEVELS] = {10, 5, 4}, seeded[FATHOM_LEVELS] = {0, 0, 4};
@@ -66,6 +67,20 @@ fathom_config fathom_config_default(void) {
     return c;
 }
 
+fathom_config fathom_config_preset(fathom_preset preset) {
+    fathom_config c = fathom_config_default();
+    if (preset == FATHOM_PRESET_TINY) {
+        c.align_most = 160;
+        c.voxel_m = 0.02f;
+        c.memory_cap_bytes = (int64_t)64 << 20;
+    } else if (preset == FATHOM_PRESET_LARGE) {
+        c.align_most = 640;
+        c.voxel_m = 0.008f;
+        c.memory_cap_bytes = (int64_t)256 << 20;
+    }
+    return c;
+}
+
 /* One setting with its bounds. */
 typedef struct {
     const char *name;
@@ -98,6 +113,7 @@ int config_check(const fathom_config *c) {
         {"depth_noise_growth", c->depth_noise_growth, 0, 1},
         {"align_width", c->align_width, 0, 4096},
         {"align_height", c->align_height, 0, 4096},
+        {"align_most", c->align_most, 16, 4096},
         {"against", c->against, 0, 1},
         {"prior", c->prior, 0, 1},
         {"iterations[0]", c->iterations[0], 0, 100},
@@ -133,6 +149,7 @@ int config_check(const fathom_config *c) {
         {"voxel_m", c->voxel_m, 0.001, 1},
         {"truncation_m", c->truncation_m, 0, 10},
         {"blocks", c->blocks == 0 ? CONFIG_BLOCKS_LEAST : c->blocks, CONFIG_BLOCKS_LEAST, CONFIG_BLOCKS_MOST},
+        {"when_full", c->when_full, 0, 1},
         {"max_weight", c->max_weight, 1, 1000},
         {"memory_cap_bytes", (double)c->memory_cap_bytes, 1 << 20, 1e15},
         {"imu_to_camera_translation[0]", c->imu_to_camera_translation[0], -10, 10},

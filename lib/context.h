@@ -43,4 +43,7 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r);
 void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
              bool seeded, alignment *icp, fathom_result *r);
 
+/* Puts the frame in the maps into the surface, as seen from there. */
+void fuse(fathom *f, const pose *at, fathom_result *r);
+
 #endif

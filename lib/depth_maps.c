@@ -9,11 +9,11 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     int width = c->align_width, height = c->align_height;
     if (width == 0 && height == 0) {
         int factor = 1;
-        while (c->depth_width / factor > 320 || c->depth_width % factor || c->depth_height % factor) {
+        while (c->depth_width / factor > c->align_most || c->depth_width % factor || c->depth_height % factor) {
             if (++factor > 64) {
                 device_log(c, FATHOM_LOG_ERROR,
-                           "depth of %dx%d has no whole fraction up to 320 wide: set align_width",
-                           c->depth_width, c->depth_height);
+                           "depth of %dx%d has no whole fraction up to %d wide: set align_width",
+                           c->depth_width, c->depth_height, c->align_most);
                 return FATHOM_ERROR_CONFIG;
             }
         }

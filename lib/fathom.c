@@ -274,6 +274,8 @@ int fathom_get_counters(fathom *f, fathom_counters *counters) {
     counters->imu_implausible += atomic_load(&f->inertial.absurd);
     counters->imu_overrun = atomic_load(&f->inertial.overrun);
     counters->frames_ignored = f->frames_ignored;
+    counters->blocks_dropped = f->volume.dropped;
+    counters->blocks_restored = f->volume.restored;
     counters->blocks_refused = f->volume.refused;
     return FATHOM_OK;
 }

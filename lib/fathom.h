@@ -145,6 +145,27 @@ typedef enum {
     FATHOM_BUFFERS_DEVICE = 2 /* always the device's own (CL_MEM_ALLOC_HOST_PTR), counted as device bytes */
 } fathom_buffers;
 
+typedef enum {
+    FATHOM_FULL_STOP = 0, /* the surface stops growing; tracking goes on, and nothing that was fused is lost */
+    FATHOM_FULL_DROP = 1  /* the blocks least recently seen make room (a sixteenth of the pool at a time, none that is
+                             in view); block_out gets each first, block_in may give it back */
+} fathom_full;
+
+/* 8x8x8 voxels of the surface. Voxel (x, y, z) of it, at [64 * z + 8 * y + x], stands at (8 * index + (x, y, z)) * voxel_m
+ * in the world. The arrays are the library's, valid during the call. */
+typedef struct {
+    int32_t index[3];    /* the block's place in the grid of blocks; x, y, z */
+    float voxel_m;       /* edge of a voxel */
+    float truncation_m;  /* a distance of 32767 */
+    int16_t *distances;  /* 512 signed distances, positive in front of the surface; -32768: never seen */
+    uint16_t *weights;   /* 512; 64 for one observation at 1 m; 0 where never seen */
+} fathom_block;
+
+/* Gets a block that is about to be dropped (read it), or one that is new (block_in: fill in distances and weights and
+ * return 1 if the block was dropped earlier; return 0 and leave it as it is if not). Called on the stepping thread from
+ * within fathom_step. What it returns means nothing for block_out. */
+typedef int (*fathom_block_hook)(void *user, const fathom_block *block);
+
 #define FATHOM_LEVELS 3 /* of the alignment pyramid: index 0 is the coarsest (a quarter), 2 the finest */
 
 /* All settings. Get one from fathom_config_default() and change what differs; zero means "the default" where a field
@@ -165,7 +186,8 @@ typedef struct {
                                       Kinect 360's disparity (Khoshelham and Elberink 2012, Section 3.2: 2.85 mm at 1 m) */
 
     /* alignment (Section 2) */
-    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to 320 wide */
+    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to align_most wide */
+    int align_most;                /* default 320; 16..4096 */
     fathom_against against;        /* default FATHOM_AGAINST_MODEL */
     fathom_prior prior;            /* default FATHOM_PRIOR_INFORMATION */
     int iterations[FATHOM_LEVELS]; /* most iterations, coarsest to finest, without a usable seed. Default 10, 5, 4 */
@@ -204,6 +226,9 @@ typedef struct {
     float truncation_m;            /* the signed distance is kept within this. 0: four voxels */
     int blocks;                    /* blocks of 8x8x8 voxels in the pool, 2 KB each; 64 at least. 0: what
                                       memory_cap_bytes leaves */
+    fathom_full when_full;         /* what happens when the pool has no block left. Default FATHOM_FULL_STOP */
+    fathom_block_hook block_out, block_in; /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
+    void *block_user;
     float max_weight;              /* observations a voxel averages over, at 1 m; older ones fade. Default 100 */
 
     /* memory */
@@ -258,6 +283,17 @@ typedef struct {
 
 /* The default settings. Any thread. */
 FATHOM_API fathom_config fathom_config_default(void);
+
+/* Complete settings for boards of three kinds; they differ in the four fields named here alone. docs/PORTING.md has what
+ * each takes in time and memory, and how exact it is. */
+typedef enum {
+    FATHOM_PRESET_TINY = 0,  /* maps up to 160 wide, 2 cm voxels, 64 MB: a slow processor, a whole flat */
+    FATHOM_PRESET_SMALL = 1, /* maps up to 320 wide, 1 cm voxels, 128 MB: the default settings */
+    FATHOM_PRESET_LARGE = 2  /* maps up to 640 wide, 8 mm voxels, 256 MB: fine detail */
+} fathom_preset;
+
+/* A preset that doesn't exist gives the default settings. Any thread. */
+FATHOM_API fathom_config fathom_config_preset(fathom_preset preset);
 
 /* ---- memory and life --------------------------------------------------------------------------------------------- */
 
@@ -361,6 +397,7 @@ typedef struct {
     bool searched;             /* the frame was looked for about the seed, for alignment from the seed alone had failed */
     bool seeded;               /* the seed was good enough for seeded_iterations */
     bool fused;                /* the frame went into the surface */
+    int blocks_dropped, blocks_restored; /* by when_full, in this step */
     bool pool_full;            /* some of the surface had no room left in the pool (tracking goes on) */
     int blocks;                /* blocks in use */
     fathom_imu_health gyro_health, accel_health; /* of the inertial sensor so far */
@@ -409,6 +446,7 @@ typedef struct {
     int64_t imu_clock_leaps; /* times that the IMU's clock and the frames' leapt apart and the stamps were moved back */
     int64_t imu_doubts;     /* times that the gyroscope began to contradict the poses and was left aside */
     int64_t frames_ignored; /* depth frames refused for their stamp or size */
+    int64_t blocks_dropped, blocks_restored; /* by when_full */
     int64_t blocks_refused; /* blocks that found the pool full */
 } fathom_counters;
 

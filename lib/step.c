@@ -10,6 +10,7 @@
 #include <time.h>
 
 #include "context.h"
+#include "eviction.h"
 
 #define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
 
@@ -96,23 +97,33 @@ static void align_scan(fathom *f, const pose *seed, const double predicted[36], 
         f->cast_coarsest = c->against == FATHOM_AGAINST_MODEL ? coarsest : FATHOM_LEVELS;
         f->cast_pairs = icp->pairs;
     }
-    if (icp->pairs < 0.9 * f->cast_pairs) f->cast_coarsest = FATHOM_LEVELS;
+    if (icp->pairs < 0.9 * f->cast_pairs || icp->condition > 0.5 * c->max_condition) f->cast_coarsest = FATHOM_LEVELS;
     icp->motion = pose_multiply(&f->reference, &icp->motion);
     pose_normalise(&icp->motion);
     r->ms_raycast = (float)(cast - start);
     r->ms_align = (float)(now_ms() - cast);
 }
 
-static void fuse(fathom *f, const pose *at, fathom_result *r) {
+void fuse(fathom *f, const pose *at, fathom_result *r) {
     double start = now_ms();
     pose way = pose_between(&f->fused, at);
     bool calm = pose_distance(&way) < CALM_M && pose_angle(&way) < CALM_RAD;
     f->fused = *at;
-    volume_allocate(&f->volume, &f->device, &f->maps, at);
+    int64_t dropped = f->volume.dropped, restored = f->volume.restored;
+    int wanted = volume_request(&f->volume, &f->device, &f->maps, at);
+    if (wanted > 0) {
+        bool drop = f->config.when_full == FATHOM_FULL_DROP;
+        if (drop && f->volume.count + wanted > f->volume.capacity)
+            eviction_make_room(&f->volume, &f->device, &f->config, wanted);
+        int first = volume_allocate(&f->volume, &f->device);
+        if (drop) eviction_restore(&f->volume, &f->device, &f->config, first);
+    }
     volume_fuse(&f->volume, &f->device, &f->maps, at, calm);
     device_wait(&f->device);
     r->fused = true;
     r->pool_full = f->volume.full;
+    r->blocks_dropped = (int)(f->volume.dropped - dropped);
+    r->blocks_restored = (int)(f->volume.restored - restored);
     r->ms_fuse = (float)(now_ms() - start);
 }
 

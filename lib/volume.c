@@ -13,7 +13,8 @@ static size_t table_entries(int blocks) {
 }
 
 size_t volume_block_cost(void) {
-    return BLOCK_BYTES + sizeof(cl_int4) * 5; /* voxels, coordinates, at most four table entries */
+    return BLOCK_BYTES + sizeof(cl_int4) * 5 +
+           sizeof(cl_int); /* voxels, coordinates, at most four table entries, seen */
 }
 
 void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const depth_maps *maps, int blocks) {
@@ -28,6 +29,7 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const d
     device_buffer_make(d, a, (size_t)blocks * BLOCK_BYTES, &v->voxels);
     device_buffer_make(d, a, entries * sizeof(cl_int4), &v->table);
     device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int4), &v->blocks);
+    device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int), &v->seen);
     device_buffer_make(d, a, (size_t)v->tiles * TILE_SLOTS * sizeof(cl_int4), &v->requests);
     device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_int), &v->counts);
     device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_float), &v->farthest);
@@ -62,8 +64,8 @@ void volume_clear(volume *v, device *d) {
     v->full = false;
 }
 
-/* The entry of block b, or the free one where it belongs; the same search as find_block in opencl/common.cl. */
-static cl_int4 *find_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
+/* The same search as find_block in opencl/common.cl. */
+cl_int4 *volume_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
     cl_uint h = ((cl_uint)b->x * 73856093u) ^ ((cl_uint)b->y * 19349669u) ^ ((cl_uint)b->z * 83492791u);
     h = (h ^ (h >> 15)) & mask;
     while (table[h].w >= 0 && (table[h].x != b->x || table[h].y != b->y || table[h].z != b->z))
@@ -71,44 +73,51 @@ static cl_int4 *find_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
     return &table[h];
 }
 
-void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
+int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
     kernel_rigid rigid = kernel_rigid_of(camera_to_world);
     cl_float block_m = v->surface.voxel * BLOCK_EDGE;
+    v->full = false;
     RUN(d, v->request, (size_t)v->tiles, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
         ARG(rigid), ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask),
         ARG(v->requests.memory), ARG(v->counts.memory), ARG(v->farthest.memory));
-    v->full = false;
     cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
     int wanted = 0;
     for (int i = 0; counts && i < v->tiles; i++) wanted += counts[i];
-    if (wanted > 0) {
-        int before = v->count;
-        cl_int4 *requests = device_map(d, &v->requests, CL_MAP_READ);
-        cl_int4 *table = device_map(d, &v->table, CL_MAP_READ | CL_MAP_WRITE);
-        cl_int4 *blocks = device_map(d, &v->blocks, CL_MAP_READ | CL_MAP_WRITE);
-        /* Tile by tile, slot by slot: the order in which places are given depends on the frame alone. */
-        for (int i = 0; requests && table && blocks && i < v->tiles; i++)
-            for (int j = 0; j < counts[i]; j++) {
-                cl_int4 b = requests[i * TILE_SLOTS + j];
-                cl_int4 *entry = find_entry(table, v->surface.mask, &b);
-                if (entry->w >= 0) continue;
-                if (v->count == v->capacity) {
-                    v->full = true;
-                    v->refused++;
-                    continue;
-                }
-                b.w = v->count++;
-                *entry = b;
-                blocks[b.w] = b;
-            }
-        device_unmap(d, &v->blocks, blocks);
-        device_unmap(d, &v->table, table);
-        device_unmap(d, &v->requests, requests);
-        cl_int first = before;
-        /* a group of one: PoCL compiles a kernel anew for each size of group, and would choose by the count */
-        RUN(d, v->clear, (size_t)(v->count - before), BLOCK_BYTES / 16, 1, ARG(first), ARG(v->voxels.memory));
-    }
     device_unmap(d, &v->counts, counts);
+    return wanted;
+}
+
+int volume_allocate(volume *v, device *d) {
+    cl_int first = v->count;
+    cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
+    cl_int4 *requests = device_map(d, &v->requests, CL_MAP_READ);
+    cl_int4 *table = device_map(d, &v->table, CL_MAP_READ | CL_MAP_WRITE);
+    cl_int4 *blocks = device_map(d, &v->blocks, CL_MAP_READ | CL_MAP_WRITE);
+    cl_int *seen = device_map(d, &v->seen, CL_MAP_READ | CL_MAP_WRITE);
+    /* tile by tile, slot by slot: the order in which places are given depends on the frame alone */
+    for (int i = 0; counts && requests && table && blocks && seen && i < v->tiles; i++)
+        for (int j = 0; j < counts[i]; j++) {
+            cl_int4 b = requests[i * TILE_SLOTS + j];
+            cl_int4 *entry = volume_entry(table, v->surface.mask, &b);
+            if (entry->w >= 0) continue;
+            if (v->count == v->capacity) {
+                v->full = true;
+                v->refused++;
+                continue;
+            }
+            seen[v->count] = v->frames;
+            b.w = v->count++;
+            *entry = b;
+            blocks[b.w] = b;
+        }
+    device_unmap(d, &v->seen, seen);
+    device_unmap(d, &v->blocks, blocks);
+    device_unmap(d, &v->table, table);
+    device_unmap(d, &v->requests, requests);
+    device_unmap(d, &v->counts, counts);
+    /* a group of one: PoCL compiles a kernel anew for each size of group, and would choose by the count */
+    RUN(d, v->clear, (size_t)(v->count - first), BLOCK_BYTES / 16, 1, ARG(first), ARG(v->voxels.memory));
+    return first;
 }
 
 void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, bool calm) {
@@ -123,7 +132,7 @@ void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_w
     RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->packed.memory), ARG(maps->camera[FINEST]),
         ARG(maps->noise), ARG(v->farthest.memory), ARG(rigid), ARG(v->surface.voxel),
         ARG(v->surface.truncation), ARG(v->max_weight), ARG(v->blocks.memory), ARG(settled), ARG(turn),
-        ARG(v->voxels.memory));
+        ARG(v->frames), ARG(v->seen.memory), ARG(v->voxels.memory));
 }
 
 void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,

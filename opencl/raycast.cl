@@ -225,7 +225,9 @@ kernel void raycast(global const short *voxels, global const int4 *table, surfac
 }
 
 #define NEWTON_STEPS 4
-#define NEWTON_CLOSE 0.3f /* voxels: the step that brought it so close leaves a twentieth of it */
+#define NEWTON_STEEP 0.2f /* cosine between ray and normal; what is seen more from the side may be missed altogether */
+#define NEWTON_CLOSE 0.05f /* voxels: a step so small ends it */
+#define NEWTON_WITHIN 0.3f /* the same where it stays within the cube, so that the surface is known there */
 
 /* A corner's distance, of all lanes. */
 #if LANES == 8
@@ -277,11 +279,14 @@ kernel void raycast_near(global const short *voxels, global const int4 *table, s
         vfloat dxy0 = dx0 + (dx1 - dx0) * fy, dxy1 = dx2 + (dx3 - dx2) * fy;
         vfloat gx = dxy0 + (dxy1 - dxy0) * fz, gy = dy0 + (dy1 - dy0) * fz, gz = xy1 - xy0;
         vfloat value = xy0 + gz * fz, slope = gx * sx + gy * sy + gz * sz;
-        open = open & (slope < 0.0f) & (fabs(value) <= 0.99f * TSDF_ONE); /* not flat, nor the back of something */
+        /* not flat, nor the back of something, nor seen from the side */
+        open = open & (slope < 0.0f) & (fabs(value) <= 0.99f * TSDF_ONE) &
+               (slope * slope > NEWTON_STEEP * NEWTON_STEEP * (gx * gx + gy * gy + gz * gz) * speed * speed);
         vfloat change = value / SELECT((vfloat)(1.0f), -slope, open);
         t = SELECT(t, t + change, open);
         open = open & (fabs(t - z) <= reach);
-        vint close = open & (fabs(change) * speed < NEWTON_CLOSE);
+        vint same = (floor(ox + sx * t) == lx) & (floor(oy + sy * t) == ly) & (floor(oz + sz * t) == lz); /* cube */
+        vint close = open & (fabs(change) * speed < SELECT((vfloat)(NEWTON_CLOSE), (vfloat)(NEWTON_WITHIN), same));
         nx = SELECT(nx, gx, close);
         ny = SELECT(ny, gy, close);
         nz = SELECT(nz, gz, close);

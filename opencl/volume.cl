@@ -73,10 +73,11 @@ inline float farthest_about(global const float *farthest, camera c, float3 m, fl
  * plane (not the depth along the ray) keeps slanted surfaces true and makes up for the pixels' coarseness. Pixels without
  * a normal count a quarter, by the distance along the ray. Two rows of eight voxels at once.
  * Of the first `settled` blocks only those with an odd or even place take their turn (turn 1, 0).
+ * seen: gets the frame's number for each block in view.
  * scan: normal and depth of each pixel (pack_map). farthest: each tile's largest depth. Global size: blocks in use. */
 kernel void fuse_blocks(global const float4 *scan, camera c, float2 noise, global const float *farthest,
                         rigid world_to_camera, float voxel, float truncation, float max_weight, global const int4 *blocks,
-                        int settled, int turn, global short *voxels) {
+                        int settled, int turn, int frame, global int *seen, global short *voxels) {
     int index = get_global_id(0);
     if (index < settled && (index & 1) != turn) return;
     int4 b = blocks[index];
@@ -98,6 +99,7 @@ kernel void fuse_blocks(global const float4 *scan, camera c, float2 noise, globa
     /* behind everything the frame sees there? */
     if (m.z - radius > farthest_about(farthest, c, m, radius) + BEHIND * truncation) return;
 
+    seen[index] = frame;
     global short *distances = voxels + (size_t)index * 2 * BLOCK_VOXELS;
     global ushort *weights = (global ushort *)(distances + BLOCK_VOXELS);
     float16 lx = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7), ly = (float16)(0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1);

@@ -143,10 +143,11 @@ void compare_fuse_blocks(bench *b, const float *scan, const kernel_camera *c, cl
         depth[ref_at(c, i % c->width, i / c->width)] = scan[4 * i + 3];
     ref_tile_farthest(depth, c, farthest);
     cl_mem farthest_memory = bench_buffer(b, (size_t)tiles * 4, farthest);
-    cl_int settled = v->count / 3, turn = v->count & 1;
+    cl_int settled = v->count / 3, turn = v->count & 1, frame = 7;
+    cl_mem seen = bench_buffer(b, (size_t)v->count * 4, NULL);
     LAUNCH(b, "fuse_blocks", (size_t)v->count, 1, 1, ARG(scan_memory), ARG(*c), ARG(noise),
            ARG(farthest_memory), ARG(*world_to_camera), ARG(voxel), ARG(truncation), ARG(most),
-           ARG(v->blocks_memory), ARG(settled), ARG(turn), ARG(v->voxels_memory));
+           ARG(v->blocks_memory), ARG(settled), ARG(turn), ARG(frame), ARG(seen), ARG(v->voxels_memory));
     free(depth);
     free(farthest);
     bench_read(b, v->voxels_memory, got, bytes);
