@@ -45,8 +45,9 @@ llvm=$(sed -n 's/.*\(LLVM [0-9.]*\).*/\1/p' "$work/info" | head -n 1)
 compiler=$(strings -a "$build/fathom" 2>/dev/null | sed -n 's/^GCC: .* \([0-9.]*\)$/GCC \1/p' | head -n 1)
 toolchain="$pocl, ${llvm:-LLVM}, ${compiler:-another compiler}, haswell"
 
-quietly "$build/fathom" simulate room "$work/room" --frames 10 --size 160x120 --still 0 --speed 2 --threads 1 --force
-set -- "$build/fathom" replay "$work/room" --size 80x60 --voxel 0.02 --memory 32 --outage 4:6
+quietly "$build/fathom" simulate room "$work/room" --frames 14 --size 160x120 --still 0 --speed 2 --threads 1 --force
+# five blank frames: after them alignment starts at the coarsest level, and the verdict looks at the surface
+set -- "$build/fathom" replay "$work/room" --size 80x60 --voxel 0.02 --memory 32 --outage 4:9
 quietly "$@"
 quietly valgrind --tool=callgrind --callgrind-out-file="$work/callgrind" --toggle-collect=fathom_step "$@"
 PYTHONDONTWRITEBYTECODE=1 exec python3 "$here/instructions.py" "$work/callgrind" "$here/instructions.txt" "$toolchain" $mode
