@@ -119,7 +119,7 @@ int machine_limit_measure(machine_limit *m, device *d) {
     m->bytes = 4 * size_info(d, CL_DEVICE_GLOBAL_MEM_CACHE_SIZE);
     if (m->bytes < (size_t)64 << 20) m->bytes = (size_t)64 << 20;
     if (m->bytes > most / 2) m->bytes = most / 2;
-    m->items = units * (d->cpu ? 128 : 16 * group); /* PoCL gives a thread 32 work-groups at a time */
+    m->items = units * (d->cpu ? 128 : 16 * group);
     m->bytes = m->bytes / (m->items * 128) * (m->items * 128);
     m->large = clCreateBuffer(d->context, CL_MEM_READ_WRITE, m->bytes, NULL, &e);
     m->sums = clCreateBuffer(d->context, CL_MEM_READ_WRITE, m->items * 4, NULL, &e);
