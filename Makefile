@@ -5,7 +5,7 @@ BUILD    ?= build
 PREFIX   ?= /usr/local
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
-                  libpng-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
+                  libpng-dev libcmocka-dev oclgrind valgrind python3 python3-venv python3-numpy python3-matplotlib
 
 VERSION_MAJOR := $(shell sed -n 's/.define FATHOM_VERSION_MAJOR *//p' lib/fathom.h)
 VERSION_MINOR := $(shell sed -n 's/.define FATHOM_VERSION_MINOR *//p' lib/fathom.h)
@@ -39,7 +39,7 @@ DRIVERS_LIBS = $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 Q = $(if $(V),,@)
 say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 
-.PHONY: all deps demo check bench reproduce install uninstall clean help objects
+.PHONY: all deps demo check bench bench-scale instructions reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
 all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom
@@ -99,7 +99,9 @@ help:
 	@echo "make deps       install the Debian packages that are missing"
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
-	@echo "make bench      speed beside other systems, as ratios in one run"
+	@echo "make bench      speed beside other systems and the machine's limit (BENCH=--results: into docs/SPEED.md)"
+	@echo "make bench-scale  time and memory as the work grows: depth, voxels, way, threads; into docs/SCALE.md"
+	@echo "make instructions  count the stages' instructions into tests/bench/instructions.txt, which make check holds"
 	@echo "make reproduce  the paper's claims as experiments, into docs/RESULTS.md (SECTIONS=a,d: only these)"
 	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
 	@echo "make clean      remove build/ and out/"
@@ -119,9 +121,21 @@ demo: deps
 	@$(MAKE) --no-print-directory all
 	sh examples/demo.sh $(BUILD)
 
+# BENCH: further options of tests/bench/bench.py, e.g. --results, which writes docs/SPEED.md.
 bench: deps
+	@sh tests/bench/opencv.sh
+	@$(MAKE) --no-print-directory all bench-tools
+	sh tests/bench/bench.sh $(BUILD) $(BENCH)
+
+# SCALE: options of tests/bench/scale.py.
+bench-scale: deps
 	@$(MAKE) --no-print-directory all
-	sh tests/bench/bench.sh $(BUILD)
+	sh tests/bench/scale.sh $(BUILD) $(SCALE)
+
+# The record that tests/e2e_instructions.sh holds stages to.
+instructions: deps
+	@$(MAKE) --no-print-directory all
+	sh tests/bench/instructions.sh $(BUILD) --update
 
 # SECTIONS: some of a to g, e.g. a,d; REPRODUCE: further options of tests/reproduce/reproduce.py.
 SECTIONS ?= a,b,c,d,e,f,g
@@ -163,7 +177,30 @@ $(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(CLI_PARTS) $(DRIVER
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $< $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
-.PHONY: reproduce-tools
+# What make bench measures with beside it.
+$(BUILD)/tests/bench/limit: $(BUILD)/tests/bench/machine_limit.c.o $(BUILD)/tests/bench/stage_work.c.o
+$(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
+
+# A library that is an object of its own, so that its calls of the heap can be told from others'.
+HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/cli/,playback.c settings.c options.c cli.c log.c))
+$(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.so
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_A) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)
+
+$(BUILD)/tests/bench/libheap_count.so: $(BUILD)/tests/bench/heap_count.c.o
+	$(call say,LD)
+	$(Q)$(CC) -shared -o $@ $^ $(ALL_LDFLAGS)
+
+# OpenCV's rgbd module, where it is installed.
+$(BUILD)/tests/bench/odometry: tests/bench/odometry.cpp
+	$(call say,CXX)
+	$(Q)mkdir -p $(@D) && $(CXX) -std=c++17 $(OPTIMISE) $(WARN) -isystem /usr/include/opencv4 -o $@ $< -lopencv_rgbd -lopencv_imgcodecs -lopencv_core -ldl
+
+.PHONY: reproduce-tools bench-tools
+bench-tools: $(addprefix $(BUILD)/tests/bench/,limit fusion heap libheap_count.so)
+	@if [ -e /usr/include/opencv4/opencv2/rgbd.hpp ]; then $(MAKE) --no-print-directory $(BUILD)/tests/bench/odometry; fi
 reproduce-tools: $(BUILD)/tests/reproduce/drift $(BUILD)/tests/reproduce/verdict $(BUILD)/tests/reproduce/scene_distance
 
 .PHONY: tests

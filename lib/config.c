@@ -20,12 +20,15 @@ fathom_config fathom_config_default(void) {
     c.depth_max_m = 5;
     c.depth_noise_base_m = 0.0001f;
     c.depth_noise_growth = 0.003f;
+    c.align_most = 320;
     c.against = FATHOM_AGAINST_MODEL;
     c.prior = FATHOM_PRIOR_INFORMATION;
     const int iterations[FATHOM_LEVELS] = {10, 5, 4}, seeded[FATHOM_LEVELS] = {0, 0, 4};
     memcpy(c.iterations, iterations, sizeof iterations);
     memcpy(c.seeded_iterations, seeded, sizeof seeded);
     c.seeded_sigma_m = 0.02f;
+    c.keep_model_m = 0.04f;
+    c.keep_model_rad = 0.06f;
     c.pair_distance_m = 0.10f;
     c.pair_angle_rad = 0.7f;
     c.huber_m = 0.003f;
@@ -36,6 +39,8 @@ fathom_config fathom_config_default(void) {
     c.max_innovation_sigmas = 6;
     c.min_agreement = 0.75f;
     c.max_see_through = 0.015f;
+    c.evident_pairs = 0.7f;
+    c.evident_sigmas = 1.5f;
     c.agreement_m = 0.02f;
     c.max_sigma_m = 0.02f;
     c.max_sigma_rad = 0.02f;
@@ -59,6 +64,20 @@ fathom_config fathom_config_default(void) {
     c.motion_turn_sigma = 3;
     c.lost_sigma_m = 0.5f;
     c.first_pose[0] = c.first_pose[5] = c.first_pose[10] = c.first_pose[15] = 1;
+    return c;
+}
+
+fathom_config fathom_config_preset(fathom_preset preset) {
+    fathom_config c = fathom_config_default();
+    if (preset == FATHOM_PRESET_TINY) {
+        c.align_most = 160;
+        c.voxel_m = 0.02f;
+        c.memory_cap_bytes = (int64_t)64 << 20;
+    } else if (preset == FATHOM_PRESET_LARGE) {
+        c.align_most = 640;
+        c.voxel_m = 0.008f;
+        c.memory_cap_bytes = (int64_t)256 << 20;
+    }
     return c;
 }
 
@@ -94,6 +113,7 @@ int config_check(const fathom_config *c) {
         {"depth_noise_growth", c->depth_noise_growth, 0, 1},
         {"align_width", c->align_width, 0, 4096},
         {"align_height", c->align_height, 0, 4096},
+        {"align_most", c->align_most, 16, 4096},
         {"against", c->against, 0, 1},
         {"prior", c->prior, 0, 1},
         {"iterations[0]", c->iterations[0], 0, 100},
@@ -106,6 +126,8 @@ int config_check(const fathom_config *c) {
         {"seeded_iterations in all",
          c->seeded_iterations[0] + c->seeded_iterations[1] + c->seeded_iterations[2], 1, 300},
         {"seeded_sigma_m", c->seeded_sigma_m, 0, 100},
+        {"keep_model_m", c->keep_model_m, 0, 1e9},
+        {"keep_model_rad", c->keep_model_rad, 0, 1e9},
         {"pair_distance_m", c->pair_distance_m, 1e-4, 10},
         {"pair_angle_rad", c->pair_angle_rad, 0.01, 3.15},
         {"huber_m", c->huber_m, 1e-6, 100},
@@ -119,12 +141,15 @@ int config_check(const fathom_config *c) {
         {"max_innovation_sigmas", c->max_innovation_sigmas, 0.1, 1e30},
         {"min_agreement", c->min_agreement, 0, 1},
         {"max_see_through", c->max_see_through, 0, 1},
+        {"evident_pairs", c->evident_pairs, 0, 1e9},
+        {"evident_sigmas", c->evident_sigmas, 0, 1e9},
         {"agreement_m", c->agreement_m, 1e-4, 100},
         {"max_sigma_m", c->max_sigma_m, 1e-4, 1000},
         {"max_sigma_rad", c->max_sigma_rad, 1e-4, 1000},
         {"voxel_m", c->voxel_m, 0.001, 1},
         {"truncation_m", c->truncation_m, 0, 10},
         {"blocks", c->blocks == 0 ? CONFIG_BLOCKS_LEAST : c->blocks, CONFIG_BLOCKS_LEAST, CONFIG_BLOCKS_MOST},
+        {"when_full", c->when_full, 0, 1},
         {"max_weight", c->max_weight, 1, 1000},
         {"memory_cap_bytes", (double)c->memory_cap_bytes, 1 << 20, 1e15},
         {"imu_to_camera_translation[0]", c->imu_to_camera_translation[0], -10, 10},

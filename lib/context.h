@@ -25,8 +25,11 @@ struct fathom {
     double covariance[36]; /* of that pose: pose * exp(error) */
     int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
     bool started;          /* the first surface has been fused */
-    pose reference;        /* FATHOM_AGAINST_PREVIOUS: pose of the frame in the model maps */
-    unsigned drawn; /* hypotheses of the search so far */
+    pose reference;        /* where the model maps were seen from */
+    pose fused;            /* of the last frame that went into the surface */
+    int cast_coarsest; /* coarsest level of the model maps; FATHOM_LEVELS: there are none to be used again */
+    int cast_pairs;    /* that alignment found when they were new */
+    unsigned drawn;    /* hypotheses of the search so far */
     bool paused;
     bool said_full; /* the log knows that the pool is full */
     int64_t frames_ignored;
@@ -39,5 +42,8 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r);
 /* Its core: aligns the frame in the maps from a seed of that covariance, and judges. seeded: with seeded_iterations. */
 void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
              bool seeded, alignment *icp, fathom_result *r);
+
+/* Puts the frame in the maps into the surface, as seen from there. */
+void fuse(fathom *f, const pose *at, fathom_result *r);
 
 #endif

@@ -9,11 +9,11 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     int width = c->align_width, height = c->align_height;
     if (width == 0 && height == 0) {
         int factor = 1;
-        while (c->depth_width / factor > 320 || c->depth_width % factor || c->depth_height % factor) {
+        while (c->depth_width / factor > c->align_most || c->depth_width % factor || c->depth_height % factor) {
             if (++factor > 64) {
                 device_log(c, FATHOM_LOG_ERROR,
-                           "depth of %dx%d has no whole fraction up to 320 wide: set align_width",
-                           c->depth_width, c->depth_height);
+                           "depth of %dx%d has no whole fraction up to %d wide: set align_width",
+                           c->depth_width, c->depth_height, c->align_most);
                 return FATHOM_ERROR_CONFIG;
             }
         }
@@ -101,6 +101,10 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
     if (!raw) return;
     memcpy(raw, frame, (size_t)m->source.width * (size_t)m->source.height * 2);
     device_unmap(d, &m->raw, raw);
+    depth_maps_compute(m, d, coarsest);
+}
+
+void depth_maps_compute(depth_maps *m, device *d, int coarsest) {
     kernel_camera *c = &m->camera[FINEST];
     RUN(d, m->convert, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->raw.memory), ARG(m->source),
         ARG(*c), ARG(m->noise), ARG(m->depth[FINEST].memory));

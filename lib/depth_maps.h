@@ -30,6 +30,9 @@ void depth_maps_close(depth_maps *m);
 /* Queues all maps of a frame down to the coarsest level that is asked for. */
 void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarsest);
 
+/* The same for the frame that was copied last. */
+void depth_maps_compute(depth_maps *m, device *d, int coarsest);
+
 /* Queues a level of the frame's maps in the form of a model map: a float4 a pixel, normal and depth. */
 void depth_maps_pack(depth_maps *m, device *d, int level, device_buffer *packed);
 

@@ -84,11 +84,14 @@ int device_choose(device *d, const fathom_config *config) {
     }
     d->buffers_in_block =
         config->buffers == FATHOM_BUFFERS_HOST || (config->buffers == FATHOM_BUFFERS_AUTO && d->cpu);
+    d->lanes = d->cpu ? 8 : 1;
     d->group = 1;
     if (!d->cpu) {
         size_t most = 1;
+        cl_ulong local = 0;
         clGetDeviceInfo(d->id, CL_DEVICE_MAX_WORK_GROUP_SIZE, sizeof most, &most, NULL);
-        d->group = most >= 64 ? 64 : 1;
+        clGetDeviceInfo(d->id, CL_DEVICE_LOCAL_MEM_SIZE, sizeof local, &local, NULL);
+        d->group = most >= 64 && local >= 1024 ? 64 : 1; /* the tree takes 256 bytes */
     }
     return FATHOM_OK;
 }
@@ -106,15 +109,15 @@ static uint64_t fnv(uint64_t h, const char *text) {
     return fnv_bytes(h, (const unsigned char *)text, strlen(text));
 }
 
-/* A cache file begins with this: an OpenCL runtime may end the program over a binary that was cut off. */
+/* A file of built kernels begins with this: an OpenCL runtime may end the program over a binary that was cut off, or is
+ * another's. */
 typedef struct {
+    uint64_t built_for;  /* identity */
     uint64_t size, hash; /* of what follows */
 } cache_header;
 
-/* The cache file for the sources, options, device and driver at hand; false: no cache is wanted or can be had. */
-static bool cache_path(device *d, const char *options, char *path, size_t size) {
-    const char *folder = d->config->cache_folder;
-    if (folder && !*folder) return false;
+/* What a built program depends on: the sources, options, device and driver at hand. */
+static uint64_t identity(device *d, const char *options) {
     char text[256];
     uint64_t h = fnv(FNV_START, options);
     for (int i = 0; i < kernel_count; i++) h = fnv(h, kernel_sources[i]);
@@ -125,7 +128,14 @@ static bool cache_path(device *d, const char *options, char *path, size_t size) 
         clGetDeviceInfo(d->id, asked[i], sizeof text - 1, text, NULL);
         h = fnv(h, text);
     }
+    return h;
+}
+
+/* The cache file for that; false: no cache is wanted or can be had. */
+static bool cache_path(device *d, uint64_t built_for, char *path, size_t size) {
+    const char *folder = d->config->cache_folder;
     char home[512];
+    if (folder && !*folder) return false;
     if (!folder) {
         const char *base = getenv("XDG_CACHE_HOME"), *user = getenv("HOME");
         if (base && *base == '/')
@@ -141,10 +151,10 @@ static bool cache_path(device *d, const char *options, char *path, size_t size) 
         folder = home;
     }
     mkdir(folder, 0777);
-    return snprintf(path, size, "%s/%016llx.bin", folder, (unsigned long long)h) < (int)size;
+    return snprintf(path, size, "%s/%016llx.bin", folder, (unsigned long long)built_for) < (int)size;
 }
 
-static bool program_from_cache(device *d, const char *path, const char *options) {
+static bool program_from_file(device *d, const char *path, uint64_t built_for, const char *options) {
     int file = open(path, O_RDONLY | O_CLOEXEC);
     if (file < 0) return false;
     struct stat st;
@@ -156,7 +166,8 @@ static bool program_from_cache(device *d, const char *path, const char *options)
             const unsigned char *binary = (const unsigned char *)(header + 1);
             size_t size = (size_t)st.st_size - sizeof *header;
             cl_int e = CL_SUCCESS, status = CL_SUCCESS;
-            if (header->size == size && header->hash == fnv_bytes(FNV_START, binary, size))
+            if (header->built_for == built_for && header->size == size &&
+                header->hash == fnv_bytes(FNV_START, binary, size))
                 d->program = clCreateProgramWithBinary(d->context, 1, &d->id, &size, &binary, &status, &e);
             if (d->program && e == CL_SUCCESS && status == CL_SUCCESS)
                 good = clBuildProgram(d->program, 1, &d->id, options, NULL, NULL) == CL_SUCCESS;
@@ -168,39 +179,52 @@ static bool program_from_cache(device *d, const char *path, const char *options)
         }
     }
     close(file);
-    if (!good) device_log(d->config, FATHOM_LOG_INFO, "kernel cache %s can't be used: building anew", path);
     return good;
 }
 
-static void program_to_cache(device *d, const char *path) {
+static bool program_to_file(device *d, const char *path, uint64_t built_for) {
+    bool good = false;
     size_t size = 0;
     clGetProgramInfo(d->program, CL_PROGRAM_BINARY_SIZES, sizeof size, &size, NULL);
-    if (size == 0) return;
+    if (size == 0) return false;
     size += sizeof(cache_header);
     void *data = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (data == MAP_FAILED) return;
+    if (data == MAP_FAILED) return false;
     cache_header *header = data;
     unsigned char *bytes = data, *binary = bytes + sizeof *header;
     char part[600];
     snprintf(part, sizeof part, "%s.%d", path, (int)getpid());
     if (clGetProgramInfo(d->program, CL_PROGRAM_BINARIES, sizeof binary, &binary, NULL) == CL_SUCCESS) {
+        header->built_for = built_for;
         header->size = size - sizeof *header;
         header->hash = fnv_bytes(FNV_START, binary, size - sizeof *header);
         int file = open(part, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-        bool good = file >= 0;
+        good = file >= 0;
         for (size_t done = 0; good && done < size;) {
             ssize_t n = write(file, bytes + done, size - done);
             good = n > 0;
             done += good ? (size_t)n : 0;
         }
         if (file >= 0) good = close(file) == 0 && good;
-        if (!good || rename(part, path) != 0) {
+        good = good && rename(part, path) == 0;
+        if (!good) {
             if (file >= 0) unlink(part);
-            device_log(d->config, FATHOM_LOG_WARNING, "kernel cache %s can't be written: %s", path,
+            device_log(d->config, FATHOM_LOG_WARNING, "built kernels can't be written to %s: %s", path,
                        strerror(errno));
         }
     }
     munmap(data, size);
+    return good;
+}
+
+bool device_save_program(device *d, const char *path) {
+    return program_to_file(d, path, d->built_for);
+}
+
+void device_cache_program(device *d) {
+    char path[580];
+    if (d->to_cache && cache_path(d, d->built_for, path, sizeof path)) program_to_file(d, path, d->built_for);
+    d->to_cache = false;
 }
 
 static void log_build(device *d, cl_int code) {
@@ -217,9 +241,31 @@ static void log_build(device *d, cl_int code) {
 
 static int program_build(device *d) {
     char options[128], path[580];
-    snprintf(options, sizeof options, "-cl-std=CL1.2 -DLANES=%d -DGROUP=%d", d->cpu ? 8 : 1, d->group);
-    bool cached = cache_path(d, options, path, sizeof path);
-    if (cached && program_from_cache(d, path, options)) return FATHOM_OK;
+    snprintf(options, sizeof options, "-cl-std=CL1.2 -DLANES=%d -DGROUP=%d", d->lanes, d->group);
+    d->built_for = identity(d, options);
+    d->to_cache = false;
+    const char *given = d->config->kernel_file;
+    if (given && program_from_file(d, given, d->built_for, options)) return FATHOM_OK;
+    if (given) {
+        device_log(d->config, FATHOM_LOG_ERROR,
+                   "the built kernels in %s can't be used: missing, damaged, or for another device, driver "
+                   "or version",
+                   given);
+        return FATHOM_ERROR_KERNEL;
+    }
+    bool cached = cache_path(d, d->built_for, path, sizeof path);
+    if (cached && program_from_file(d, path, d->built_for, options)) return FATHOM_OK;
+    if (cached && access(path, F_OK) == 0)
+        device_log(d->config, FATHOM_LOG_INFO, "kernel cache %s can't be used: building anew", path);
+    cl_bool compiler = CL_TRUE;
+    clGetDeviceInfo(d->id, CL_DEVICE_COMPILER_AVAILABLE, sizeof compiler, &compiler, NULL);
+    if (!compiler) {
+        device_log(
+            d->config, FATHOM_LOG_ERROR,
+            "%s has no compiler: it needs kernels built elsewhere (kernel_file; fathom kernels makes them)",
+            d->name);
+        return FATHOM_ERROR_KERNEL;
+    }
     cl_int e;
     const char *sources[32];
     char lines[16][64];
@@ -238,7 +284,7 @@ static int program_build(device *d) {
         log_build(d, e);
         return FATHOM_ERROR_KERNEL;
     }
-    if (cached && !extra) program_to_cache(d, path);
+    d->to_cache = cached && !extra;
     return FATHOM_OK;
 }
 

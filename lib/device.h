@@ -20,9 +20,12 @@ typedef struct {
     cl_program program;
     bool buffers_in_block; /* buffers lie in the caller's block */
     bool cpu;              /* kernels in their CPU shape: one work-item works on a strip by itself */
+    int lanes;             /* pixels that a work-item works on at once (LANES in opencl/common.cl) */
     int group;             /* work-items that share a row in align_reduce: 1 on a CPU */
     size_t device_bytes;   /* of buffers that don't lie in the block */
     int error;             /* the first failure: a fathom_error, or FATHOM_OK */
+    uint64_t built_for;    /* identifies sources, options, device and driver of the program */
+    bool to_cache;         /* it was built from source and is wanted in the cache */
     char name[128];
 } device;
 
@@ -43,6 +46,13 @@ int device_choose(device *d, const fathom_config *config);
 /* Opens context and queue on the chosen device and builds the kernels. FATHOM_OK, _DEVICE or _KERNEL (nothing stays open). */
 int device_open(device *d);
 void device_close(device *d);
+
+/* Writes the built program, with every kernel that was launched, to a file for config->kernel_file. */
+bool device_save_program(device *d, const char *path);
+
+/* Keeps a program that was built from source in the cache. To be called when each kernel has been launched: PoCL builds them
+ * for their work-groups only then, and asked earlier would give a program without these. */
+void device_cache_program(device *d);
 
 /* Plans a buffer, and makes it when the device is open: in the arena or on the device. Not cleared. */
 void device_buffer_make(device *d, arena *a, size_t size, device_buffer *buffer);

@@ -7,6 +7,7 @@
 
 #include "config.h"
 #include "context.h"
+#include "warm_up.h"
 
 #define STRING_(x) #x
 #define STRING(x) STRING_(x)
@@ -37,8 +38,8 @@ const char *fathom_state_name(fathom_state state) {
 }
 
 const char *fathom_verdict_name(fathom_verdict verdict) {
-    static const char *const names[] = {"tracking", "no depth",  "few pairs", "overlap",
-                                        "residual", "condition", "innovation", "contradiction", "uncertain"};
+    static const char *const names[] = {"tracking",  "no depth",   "few pairs",     "overlap",  "residual",
+                                        "condition", "innovation", "contradiction", "uncertain"};
     return (unsigned)verdict < 9 ? names[verdict] : "unknown";
 }
 
@@ -133,6 +134,7 @@ static void start_over(fathom *f) {
     memset(f->covariance, 0, sizeof f->covariance);
     f->timestamp_ns = INT64_MIN;
     f->started = f->said_full = false;
+    f->cast_coarsest = FATHOM_LEVELS;
     memset(&f->result, 0, sizeof f->result);
     f->result.state = FATHOM_RECKONED;
     f->result.verdict = FATHOM_VERDICT_NO_DEPTH;
@@ -166,6 +168,8 @@ int fathom_init(fathom **context, const fathom_config *config, void *memory, siz
     if (e != FATHOM_OK) return e;
     layout(f, &a, plan.blocks);
     f->arena_bytes = plan.host_bytes + plan.device_bytes;
+    if (f->device.error == FATHOM_OK) warm_up(f);
+    if (f->device.error == FATHOM_OK) device_cache_program(&f->device);
     if (f->device.error == FATHOM_OK) start_over(f);
     if (f->device.error != FATHOM_OK) {
         e = f->device.error;
@@ -186,6 +190,11 @@ int fathom_reset(fathom *f) {
     if (!f) return FATHOM_ERROR_ARGUMENT;
     start_over(f);
     return f->device.error;
+}
+
+int fathom_save_kernels(fathom *f, const char *path) {
+    if (!f || !path || !*path) return FATHOM_ERROR_ARGUMENT;
+    return device_save_program(&f->device, path) ? FATHOM_OK : FATHOM_ERROR_KERNEL;
 }
 
 int fathom_pause(fathom *f, bool pause) {
@@ -273,6 +282,8 @@ int fathom_get_counters(fathom *f, fathom_counters *counters) {
     counters->imu_implausible += atomic_load(&f->inertial.absurd);
     counters->imu_overrun = atomic_load(&f->inertial.overrun);
     counters->frames_ignored = f->frames_ignored;
+    counters->blocks_dropped = f->volume.dropped;
+    counters->blocks_restored = f->volume.restored;
     counters->blocks_refused = f->volume.refused;
     return FATHOM_OK;
 }

@@ -145,6 +145,27 @@ typedef enum {
     FATHOM_BUFFERS_DEVICE = 2 /* always the device's own (CL_MEM_ALLOC_HOST_PTR), counted as device bytes */
 } fathom_buffers;
 
+typedef enum {
+    FATHOM_FULL_STOP = 0, /* the surface stops growing; tracking goes on, and nothing that was fused is lost */
+    FATHOM_FULL_DROP = 1  /* the blocks least recently seen make room (a sixteenth of the pool at a time, none that is
+                             in view); block_out gets each first, block_in may give it back */
+} fathom_full;
+
+/* 8x8x8 voxels of the surface. Voxel (x, y, z) of it, at [64 * z + 8 * y + x], stands at (8 * index + (x, y, z)) * voxel_m
+ * in the world. The arrays are the library's, valid during the call. */
+typedef struct {
+    int32_t index[3];    /* the block's place in the grid of blocks; x, y, z */
+    float voxel_m;       /* edge of a voxel */
+    float truncation_m;  /* a distance of 32767 */
+    int16_t *distances;  /* 512 signed distances, positive in front of the surface; -32768: never seen */
+    uint16_t *weights;   /* 512; 64 for one observation at 1 m; 0 where never seen */
+} fathom_block;
+
+/* Gets a block that is about to be dropped (read it), or one that is new (block_in: fill in distances and weights and
+ * return 1 if the block was dropped earlier; return 0 and leave it as it is if not). Called on the stepping thread from
+ * within fathom_step. What it returns means nothing for block_out. */
+typedef int (*fathom_block_hook)(void *user, const fathom_block *block);
+
 #define FATHOM_LEVELS 3 /* of the alignment pyramid: index 0 is the coarsest (a quarter), 2 the finest */
 
 /* All settings. Get one from fathom_config_default() and change what differs; zero means "the default" where a field
@@ -165,13 +186,16 @@ typedef struct {
                                       Kinect 360's disparity (Khoshelham and Elberink 2012, Section 3.2: 2.85 mm at 1 m) */
 
     /* alignment (Section 2) */
-    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to 320 wide */
+    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to align_most wide */
+    int align_most;                /* default 320; 16..4096 */
     fathom_against against;        /* default FATHOM_AGAINST_MODEL */
     fathom_prior prior;            /* default FATHOM_PRIOR_INFORMATION */
     int iterations[FATHOM_LEVELS]; /* most iterations, coarsest to finest, without a usable seed. Default 10, 5, 4 */
     int seeded_iterations[FATHOM_LEVELS]; /* the same with one. Default 0, 0, 4. 0..100 each; the last may be 0 only when
                                              another level has some */
     float seeded_sigma_m;          /* a seed is usable when its translation's sigma is below this. Default 0.02 */
+    float keep_model_m, keep_model_rad; /* maps ray-cast from the surface serve the next frames too, until the camera has moved
+                                      so far, or a tenth of the pairs is gone. Defaults 0.04 and 0.06; 0: a ray-cast each frame */
     float pair_distance_m;         /* a pair further apart is rejected, at the finest level (doubled at each coarser one).
                                       Default 0.10; widened to three sigma of the seed */
     float pair_angle_rad;          /* a pair whose normals differ by more is rejected. Default 0.7 (40 degrees) */
@@ -189,6 +213,10 @@ typedef struct {
     float min_agreement;           /* of the pixels where the surface should be seen from the found pose and the frame sees
                                       something: the part that agrees within agreement_m. Default 0.75 */
     float max_see_through;         /* the part of them that sees further, through the surface. Default 0.015 */
+    float evident_pairs;           /* an alignment from a usable seed is evident, and what the surface should look like isn't
+                                      ray-cast to be compared, when this part of the frame's valid pixels found pairs, and
+                                      result and seed agree within evident_sigmas. Default 0.7; above 1: never */
+    float evident_sigmas;          /* Default 1.5 */
     float agreement_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
     float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says
                                       nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.02, 0.02 */
@@ -198,6 +226,9 @@ typedef struct {
     float truncation_m;            /* the signed distance is kept within this. 0: four voxels */
     int blocks;                    /* blocks of 8x8x8 voxels in the pool, 2 KB each; 64 at least. 0: what
                                       memory_cap_bytes leaves */
+    fathom_full when_full;         /* what happens when the pool has no block left. Default FATHOM_FULL_STOP */
+    fathom_block_hook block_out, block_in; /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
+    void *block_user;
     float max_weight;              /* observations a voxel averages over, at 1 m; older ones fade. Default 100 */
 
     /* memory */
@@ -242,6 +273,9 @@ typedef struct {
     const char *device;            /* "", or a part of a platform's or device's name, or "cpu", "gpu". NULL: "": the first
                                       GPU that shares the host's memory, else the first device. Read during init only */
     fathom_buffers buffers;        /* default FATHOM_BUFFERS_AUTO */
+    const char *kernel_file;       /* kernels that fathom_save_kernels wrote on a machine of the same kind; another device,
+                                      driver or library version than theirs is FATHOM_ERROR_KERNEL. NULL: built from source, or
+                                      from the cache. Read during init only */
     const char *cache_folder;      /* where built kernels are kept; NULL: $XDG_CACHE_HOME/fathom or ~/.cache/fathom;
                                       "": no cache. Read during init only */
 
@@ -252,6 +286,17 @@ typedef struct {
 
 /* The default settings. Any thread. */
 FATHOM_API fathom_config fathom_config_default(void);
+
+/* Complete settings for boards of three kinds; they differ in the four fields named here alone. docs/PORTING.md has what
+ * each takes in time and memory, and how exact it is. */
+typedef enum {
+    FATHOM_PRESET_TINY = 0,  /* maps up to 160 wide, 2 cm voxels, 64 MB: a slow processor, a whole flat */
+    FATHOM_PRESET_SMALL = 1, /* maps up to 320 wide, 1 cm voxels, 128 MB: the default settings */
+    FATHOM_PRESET_LARGE = 2  /* maps up to 640 wide, 8 mm voxels, 256 MB: fine detail */
+} fathom_preset;
+
+/* A preset that doesn't exist gives the default settings. Any thread. */
+FATHOM_API fathom_config fathom_config_preset(fathom_preset preset);
 
 /* ---- memory and life --------------------------------------------------------------------------------------------- */
 
@@ -273,9 +318,14 @@ FATHOM_API int64_t fathom_memory_required(const fathom_config *config);
 FATHOM_API int fathom_memory_plan_for(const fathom_config *config, fathom_memory_plan *plan);
 
 /* Builds a context inside memory (size bytes, the caller's, until fathom_close). Opens the OpenCL device and builds the
- * kernels (a second or so, once; then from the cache). A block that is too small by one byte is refused with
+ * kernels (a second or so, once; then from the cache), and runs each once on nothing. A block that is too small by one byte is refused with
  * FATHOM_ERROR_MEMORY and not touched. On any error *context is NULL and nothing stays open. */
 FATHOM_API int fathom_init(fathom **context, const fathom_config *config, void *memory, size_t size);
+
+/* Writes the built kernels, in every shape that these settings use, to a file for fathom_config.kernel_file: on a board of
+ * the same kind, with the same runtime and settings, no compiler runs then. FATHOM_ERROR_KERNEL when the file can't be
+ * written; the log says why. */
+FATHOM_API int fathom_save_kernels(fathom *context, const char *path);
 
 /* Waits for the device, releases it, forgets everything. The block is the caller's again. NULL is allowed. */
 FATHOM_API void fathom_close(fathom *context);
@@ -355,6 +405,7 @@ typedef struct {
     bool searched;             /* the frame was looked for about the seed, for alignment from the seed alone had failed */
     bool seeded;               /* the seed was good enough for seeded_iterations */
     bool fused;                /* the frame went into the surface */
+    int blocks_dropped, blocks_restored; /* by when_full, in this step */
     bool pool_full;            /* some of the surface had no room left in the pool (tracking goes on) */
     int blocks;                /* blocks in use */
     fathom_imu_health gyro_health, accel_health; /* of the inertial sensor so far */
@@ -403,6 +454,7 @@ typedef struct {
     int64_t imu_clock_leaps; /* times that the IMU's clock and the frames' leapt apart and the stamps were moved back */
     int64_t imu_doubts;     /* times that the gyroscope began to contradict the poses and was left aside */
     int64_t frames_ignored; /* depth frames refused for their stamp or size */
+    int64_t blocks_dropped, blocks_restored; /* by when_full */
     int64_t blocks_refused; /* blocks that found the pool full */
 } fathom_counters;
 

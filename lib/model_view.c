@@ -20,6 +20,10 @@ void model_view_close(model_view *w) {
     device_buffer_free(&w->map);
 }
 
+void model_view_cast(model_view *w, device *d, volume *v, const pose *camera_to_world) {
+    volume_raycast(v, d, &w->same, camera_to_world, w->near_m, w->far_m, &w->map);
+}
+
 void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camera_to_world) {
     volume_raycast(v, d, &w->wide, camera_to_world, w->near_m, w->far_m, &w->map);
 }
@@ -28,7 +32,7 @@ void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, c
                         float tolerance_m, comparison *out) {
     const kernel_camera *c = &w->same;
     memset(out, 0, sizeof *out);
-    volume_raycast(v, d, c, camera_to_world, w->near_m, w->far_m, &w->map);
+    model_view_cast(w, d, v, camera_to_world);
     const cl_float4 *model = device_map(d, &w->map, CL_MAP_READ);
     const float *depth = device_map(d, &maps->depth[0], CL_MAP_READ);
     const float *normals = device_map(d, &maps->normals[0], CL_MAP_READ);

@@ -26,6 +26,9 @@ void model_view_close(model_view *w);
 void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, const pose *camera_to_world,
                         float tolerance_m, comparison *out);
 
+/* Queues the ray-cast of what the camera should see from there. */
+void model_view_cast(model_view *w, device *d, volume *v, const pose *camera_to_world);
+
 /* Queues the wide map as seen from a pose. */
 void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camera_to_world);
 

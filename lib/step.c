@@ -10,8 +10,12 @@
 #include <time.h>
 
 #include "context.h"
+#include "eviction.h"
 
 #define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
+
+#define CALM_M 0.03 /* the camera's way from one fused frame to the next */
+#define CALM_RAD 0.04
 
 static double now_ms(void) {
     struct timespec t;
@@ -58,39 +62,68 @@ static double position_sigma(const double covariance[36]) {
     return sqrt(fmax(covariance[21], fmax(covariance[28], covariance[35])));
 }
 
-/* Aligns the scan with the surface as it looks from the seed, or with the last accepted frame. icp->motion becomes a
- * pose, camera to world. */
-static void align_scan(fathom *f, const pose *seed, const double predicted[36], const int *budget,
-                       alignment *icp, fathom_result *r) {
+/* The model maps of an earlier frame will do for a seed so close to where they were seen from. */
+static bool maps_hold(const fathom *f, const pose *seed, int coarsest) {
+    pose way = pose_between(&f->reference, seed);
+    return f->cast_coarsest <= coarsest && pose_distance(&way) < f->config.keep_model_m &&
+           pose_angle(&way) < f->config.keep_model_rad;
+}
+
+/* The surface as it looks from the seed, near the scan; a good seed needs no more than what is very near. */
+static void cast_maps(fathom *f, const pose *seed, int coarsest, double sigma_m, bool seeded) {
+    volume_raycast_near(&f->volume, &f->device, &f->maps, seed, align_reach(&f->aligner, coarsest, sigma_m),
+                        !seeded, &f->aligner.model[FINEST]);
+    volume_halve_maps(&f->volume, &f->device, f->maps.camera, f->aligner.model, coarsest);
+    device_wait(&f->device);
+    f->reference = *seed;
+}
+
+/* Aligns the scan with the surface, or with the last accepted frame. icp->motion becomes a pose, camera to world. */
+static void align_scan(fathom *f, const pose *seed, const double predicted[36], alignment *icp,
+                       fathom_result *r) {
     const fathom_config *c = &f->config;
+    const int *budget = r->seeded ? c->seeded_iterations : c->iterations;
     double start = now_ms();
     int coarsest = 0;
     while (coarsest < FINEST && budget[coarsest] == 0) coarsest++;
     align_seed from = {.sigma_m = position_sigma(predicted), .prior = c->prior == FATHOM_PRIOR_INFORMATION};
-    if (c->against == FATHOM_AGAINST_MODEL) {
-        volume_raycast_near(&f->volume, &f->device, &f->maps, seed,
-                            align_reach(&f->aligner, coarsest, from.sigma_m), &f->aligner.model[FINEST]);
-        volume_halve_maps(&f->volume, &f->device, f->maps.camera, f->aligner.model, coarsest);
-        device_wait(&f->device);
-        f->reference = *seed;
-    }
+    bool kept = r->seeded && maps_hold(f, seed, coarsest);
+    if (c->against == FATHOM_AGAINST_MODEL && !kept) cast_maps(f, seed, coarsest, from.sigma_m, r->seeded);
     double cast = now_ms();
     from.motion = pose_between(&f->reference, seed);
     memcpy(from.covariance, predicted, sizeof from.covariance);
     align(&f->aligner, &f->device, &f->maps, &from, budget, icp);
+    if (!kept) {
+        f->cast_coarsest = c->against == FATHOM_AGAINST_MODEL ? coarsest : FATHOM_LEVELS;
+        f->cast_pairs = icp->pairs;
+    }
+    if (icp->pairs < 0.9 * f->cast_pairs || icp->condition > 0.5 * c->max_condition) f->cast_coarsest = FATHOM_LEVELS;
     icp->motion = pose_multiply(&f->reference, &icp->motion);
     pose_normalise(&icp->motion);
     r->ms_raycast = (float)(cast - start);
     r->ms_align = (float)(now_ms() - cast);
 }
 
-static void fuse(fathom *f, const pose *at, fathom_result *r) {
+void fuse(fathom *f, const pose *at, fathom_result *r) {
     double start = now_ms();
-    volume_allocate(&f->volume, &f->device, &f->maps, at);
-    volume_fuse(&f->volume, &f->device, &f->maps, at);
+    pose way = pose_between(&f->fused, at);
+    bool calm = pose_distance(&way) < CALM_M && pose_angle(&way) < CALM_RAD;
+    f->fused = *at;
+    int64_t dropped = f->volume.dropped, restored = f->volume.restored;
+    int wanted = volume_request(&f->volume, &f->device, &f->maps, at);
+    if (wanted > 0) {
+        bool drop = f->config.when_full == FATHOM_FULL_DROP;
+        if (drop && f->volume.count + wanted > f->volume.capacity)
+            eviction_make_room(&f->volume, &f->device, &f->config, wanted);
+        int first = volume_allocate(&f->volume, &f->device);
+        if (drop) eviction_restore(&f->volume, &f->device, &f->config, first);
+    }
+    volume_fuse(&f->volume, &f->device, &f->maps, at, calm);
     device_wait(&f->device);
     r->fused = true;
     r->pool_full = f->volume.full;
+    r->blocks_dropped = (int)(f->volume.dropped - dropped);
+    r->blocks_restored = (int)(f->volume.restored - restored);
     r->ms_fuse = (float)(now_ms() - start);
 }
 
@@ -110,15 +143,23 @@ static void report_alignment(const alignment *icp, fathom_result *r) {
     for (int i = 0; i < 6; i++) r->singular_values[i] = (float)icp->singular[i];
 }
 
+/* The part of the frame that is valid depth, by every fourth row. */
+static double valid_part(const fathom_config *c, const fathom_depth_frame *scan) {
+    int valid = 0, rows = 0;
+    float units = c->depth_units_per_metre;
+    int low = (int)fminf(fmaxf(ceilf(c->depth_min_m * units), 1), 65535),
+        high = (int)fminf(c->depth_max_m * units, 65534);
+    for (int y = 0; y < scan->height; y += 4, rows++)
+        for (int x = 0; x < scan->width; x++) {
+            int d = scan->depth[y * scan->width + x];
+            valid += d >= low && d <= high;
+        }
+    return (double)valid / (rows * scan->width);
+}
+
 /* A hundredth of the frame must be valid: a few stray pixels under a covered lens are no world to find back to. */
 static bool has_depth(const fathom_config *c, const fathom_depth_frame *scan) {
-    int pixels = scan->width * scan->height, valid = 0;
-    float low = c->depth_min_m * c->depth_units_per_metre, high = c->depth_max_m * c->depth_units_per_metre;
-    for (int i = 0; i < pixels; i++) {
-        float d = scan->depth[i];
-        valid += scan->depth[i] != 0 && scan->depth[i] != 65535 && d >= low && d <= high;
-    }
-    return valid >= pixels / 100;
+    return valid_part(c, scan) >= 0.01;
 }
 
 /* Aligns from a seed, and judges. */
@@ -127,7 +168,7 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
     const fathom_config *c = &f->config;
     double twist[6];
     r->seeded = seeded;
-    align_scan(f, seed, predicted, seeded ? c->seeded_iterations : c->iterations, icp, r);
+    align_scan(f, seed, predicted, icp, r);
     report_alignment(icp, r);
     pose correction = pose_between(seed, &icp->motion);
     pose_log(&correction, twist);
@@ -139,8 +180,11 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
         gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
     r->innovation_sigmas = (float)covariance_mahalanobis(gate, twist);
     r->agreement = r->see_through = NAN;
-    r->verdict = has_depth(c, scan) ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
-    if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL) {
+    double valid = valid_part(c, scan);
+    r->verdict = valid >= 0.01 ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
+    bool evident = seeded && icp->pairs >= c->evident_pairs * valid * icp->pixels &&
+                   r->innovation_sigmas <= c->evident_sigmas;
+    if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident) {
         comparison k;
         double start = now_ms();
         model_view_compare(&f->view, &f->device, &f->maps, &f->volume, &icp->motion,
@@ -154,13 +198,17 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
         r->verdict = judge_certainty(c, icp->covariance);
 }
 
+/* Not for want of depth, nor of what geometry can tell: another try may find more. */
+static bool failed(const fathom_result *r) {
+    return r->verdict != FATHOM_VERDICT_TRACKING && r->verdict != FATHOM_VERDICT_NO_DEPTH &&
+           r->verdict != FATHOM_VERDICT_UNCERTAIN;
+}
+
 /* Alignment from the seed has failed, and the seed may be too far off: others about it are tried. */
 static void search(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
                    alignment *icp, fathom_result *r) {
     pose best[SEARCH_BEST];
-    bool failed = r->verdict != FATHOM_VERDICT_TRACKING && r->verdict != FATHOM_VERDICT_NO_DEPTH &&
-                  r->verdict != FATHOM_VERDICT_UNCERTAIN;
-    if (!failed || f->config.against != FATHOM_AGAINST_MODEL || position_sigma(predicted) < SEARCH_SIGMA_M)
+    if (!failed(r) || f->config.against != FATHOM_AGAINST_MODEL || position_sigma(predicted) < SEARCH_SIGMA_M)
         return;
     double start = now_ms();
     int found = search_about(&f->aligner, &f->device, &f->maps, &f->view, &f->volume, seed, predicted,
@@ -194,8 +242,8 @@ static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose
     double covariance[36];
     alignment other;
     fathom_result o = *r;
-    bool agreed =
-        r->verdict == FATHOM_VERDICT_TRACKING && r->innovation_sigmas < 0.5; /* the seed was right */
+    bool evident = f->config.against == FATHOM_AGAINST_MODEL && isnan(r->agreement);
+    bool agreed = r->verdict == FATHOM_VERDICT_TRACKING && (evident || r->innovation_sigmas < 0.5);
     if (agreed || r->verdict == FATHOM_VERDICT_NO_DEPTH ||
         !inertial_second_guess(&f->inertial, seed, r->timestamp_ns, &guess, covariance))
         return;
@@ -235,7 +283,9 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
     pose seed = pose_multiply(&f->pose, &d.motion);
     const double *predicted = d.pose_covariance;
     alignment icp;
-    attempt(f, scan, &seed, predicted, position_sigma(predicted) < c->seeded_sigma_m, &icp, r);
+    bool seeded = position_sigma(predicted) < c->seeded_sigma_m;
+    attempt(f, scan, &seed, predicted, seeded, &icp, r);
+    if (seeded && failed(r)) attempt(f, scan, &seed, predicted, false, &icp, r);
     second_attempt(f, scan, &seed, &icp, r);
     search(f, scan, &seed, predicted, &icp, r);
 

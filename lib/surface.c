@@ -129,6 +129,17 @@ int64_t surface_extract(surface_output *s, device *d, volume *v, float min_weigh
     return d->error != FATHOM_OK ? d->error : total;
 }
 
+static int ignore(void *user, const fathom_vertex *vertices, size_t triangle_count) {
+    (void)user, (void)vertices, (void)triangle_count;
+    return 0;
+}
+
+void surface_warm_up(surface_output *s, device *d, volume *v) {
+    const cl_int none = 0;
+    surface_extract(s, d, v, 0, ignore, NULL);
+    emit(s, d, v, &v->surface, 0, 1, &none, 0, ignore, NULL);
+}
+
 /* ---- views -------------------------------------------------------------------------------------------------------------- */
 
 /* A matt surface in the light of the sky above the camera's left shoulder and a little from the camera itself. */

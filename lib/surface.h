@@ -22,6 +22,9 @@ void surface_close(surface_output *s);
 int64_t surface_extract(surface_output *s, device *d, volume *v, float min_weight, fathom_triangles triangles,
                         void *user);
 
+/* Runs both kernels on the first block. */
+void surface_warm_up(surface_output *s, device *d, volume *v);
+
 /* Each of depth, normals and rgb may be NULL. */
 int surface_view(surface_output *s, device *d, volume *v, const fathom_view *view,
                  const pose *camera_to_world, float *depth, float *normals, uint8_t *rgb);

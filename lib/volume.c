@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#define SETTLING 8 /* frames */
+
 /* The table has at least two entries a block, so that a search ends soon. */
 static size_t table_entries(int blocks) {
     size_t n = 1024;
@@ -11,7 +13,8 @@ static size_t table_entries(int blocks) {
 }
 
 size_t volume_block_cost(void) {
-    return BLOCK_BYTES + sizeof(cl_int4) * 5; /* voxels, coordinates, at most four table entries */
+    return BLOCK_BYTES + sizeof(cl_int4) * 5 +
+           sizeof(cl_int); /* voxels, coordinates, at most four table entries, seen */
 }
 
 void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const depth_maps *maps, int blocks) {
@@ -26,8 +29,10 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const d
     device_buffer_make(d, a, (size_t)blocks * BLOCK_BYTES, &v->voxels);
     device_buffer_make(d, a, entries * sizeof(cl_int4), &v->table);
     device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int4), &v->blocks);
+    device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int), &v->seen);
     device_buffer_make(d, a, (size_t)v->tiles * TILE_SLOTS * sizeof(cl_int4), &v->requests);
     device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_int), &v->counts);
+    device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_float), &v->farthest);
     device_buffer_make(d, a, (size_t)v->tiles * 2 * sizeof(cl_int), &v->ranges);
     if (!d->context) return;
     v->request = device_kernel(d, "request_blocks");
@@ -46,7 +51,8 @@ void volume_close(volume *v) {
                            v->range_blocks, v->raycast, v->raycast_near, v->halve_map};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i]) clReleaseKernel(kernels[i]);
-    device_buffer *buffers[] = {&v->voxels, &v->table, &v->blocks, &v->requests, &v->counts, &v->ranges};
+    device_buffer *buffers[] = {&v->voxels, &v->table,    &v->blocks, &v->requests,
+                                &v->counts, &v->farthest, &v->ranges};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) device_buffer_free(buffers[i]);
 }
 
@@ -54,12 +60,12 @@ void volume_clear(volume *v, device *d) {
     void *table = device_map(d, &v->table, CL_MAP_WRITE);
     if (table) memset(table, 0xff, v->table.size); /* w = -1: free */
     device_unmap(d, &v->table, table);
-    v->count = 0;
+    v->count = v->settled = v->settling = v->frames = 0;
     v->full = false;
 }
 
-/* The entry of block b, or the free one where it belongs; the same search as find_block in opencl/common.cl. */
-static cl_int4 *find_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
+/* The same search as find_block in opencl/common.cl. */
+cl_int4 *volume_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
     cl_uint h = ((cl_uint)b->x * 73856093u) ^ ((cl_uint)b->y * 19349669u) ^ ((cl_uint)b->z * 83492791u);
     h = (h ^ (h >> 15)) & mask;
     while (table[h].w >= 0 && (table[h].x != b->x || table[h].y != b->y || table[h].z != b->z))
@@ -67,53 +73,71 @@ static cl_int4 *find_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
     return &table[h];
 }
 
-void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
+int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
     kernel_rigid rigid = kernel_rigid_of(camera_to_world);
     cl_float block_m = v->surface.voxel * BLOCK_EDGE;
+    v->full = false;
     RUN(d, v->request, (size_t)v->tiles, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
         ARG(rigid), ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask),
-        ARG(v->requests.memory), ARG(v->counts.memory));
-    v->full = false;
+        ARG(v->requests.memory), ARG(v->counts.memory), ARG(v->farthest.memory));
     cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
     int wanted = 0;
     for (int i = 0; counts && i < v->tiles; i++) wanted += counts[i];
-    if (wanted > 0) {
-        int before = v->count;
-        cl_int4 *requests = device_map(d, &v->requests, CL_MAP_READ);
-        cl_int4 *table = device_map(d, &v->table, CL_MAP_READ | CL_MAP_WRITE);
-        cl_int4 *blocks = device_map(d, &v->blocks, CL_MAP_READ | CL_MAP_WRITE);
-        /* Tile by tile, slot by slot: the order in which places are given depends on the frame alone. */
-        for (int i = 0; requests && table && blocks && i < v->tiles; i++)
-            for (int j = 0; j < counts[i]; j++) {
-                cl_int4 b = requests[i * TILE_SLOTS + j];
-                cl_int4 *entry = find_entry(table, v->surface.mask, &b);
-                if (entry->w >= 0) continue;
-                if (v->count == v->capacity) {
-                    v->full = true;
-                    v->refused++;
-                    continue;
-                }
-                b.w = v->count++;
-                *entry = b;
-                blocks[b.w] = b;
-            }
-        device_unmap(d, &v->blocks, blocks);
-        device_unmap(d, &v->table, table);
-        device_unmap(d, &v->requests, requests);
-        cl_int first = before;
-        /* a group of one: PoCL compiles a kernel anew for each size of group, and would choose by the count */
-        RUN(d, v->clear, (size_t)(v->count - before), BLOCK_BYTES / 16, 1, ARG(first), ARG(v->voxels.memory));
-    }
     device_unmap(d, &v->counts, counts);
+    return wanted;
 }
 
-void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
+int volume_allocate(volume *v, device *d) {
+    cl_int first = v->count;
+    cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
+    cl_int4 *requests = device_map(d, &v->requests, CL_MAP_READ);
+    cl_int4 *table = device_map(d, &v->table, CL_MAP_READ | CL_MAP_WRITE);
+    cl_int4 *blocks = device_map(d, &v->blocks, CL_MAP_READ | CL_MAP_WRITE);
+    cl_int *seen = device_map(d, &v->seen, CL_MAP_READ | CL_MAP_WRITE);
+    /* tile by tile, slot by slot: the order in which places are given depends on the frame alone */
+    for (int i = 0; counts && requests && table && blocks && seen && i < v->tiles; i++)
+        for (int j = 0; j < counts[i]; j++) {
+            cl_int4 b = requests[i * TILE_SLOTS + j];
+            cl_int4 *entry = volume_entry(table, v->surface.mask, &b);
+            if (entry->w >= 0) continue;
+            if (v->count == v->capacity) {
+                v->full = true;
+                v->refused++;
+                continue;
+            }
+            seen[v->count] = v->frames;
+            b.w = v->count++;
+            *entry = b;
+            blocks[b.w] = b;
+        }
+    device_unmap(d, &v->seen, seen);
+    device_unmap(d, &v->blocks, blocks);
+    device_unmap(d, &v->table, table);
+    device_unmap(d, &v->requests, requests);
+    device_unmap(d, &v->counts, counts);
+    volume_clear_blocks(v, d, first, v->count - first);
+    return first;
+}
+
+void volume_clear_blocks(volume *v, device *d, int first, int count) {
+    cl_int from = first;
+    /* a group of one: PoCL compiles a kernel anew for each size of group, and would choose by the count */
+    RUN(d, v->clear, (size_t)count, BLOCK_BYTES / 16, 1, ARG(from), ARG(v->voxels.memory));
+}
+
+void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, bool calm) {
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid rigid = kernel_rigid_of(&inverse);
+    if (v->frames++ % SETTLING == 0) {
+        v->settled = v->settling;
+        v->settling = v->count;
+    }
+    cl_int settled = calm ? v->settled : 0, turn = v->frames & 1;
     depth_maps_pack(maps, d, FINEST, &maps->packed);
     RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->packed.memory), ARG(maps->camera[FINEST]),
-        ARG(maps->noise), ARG(rigid), ARG(v->surface.voxel), ARG(v->surface.truncation), ARG(v->max_weight),
-        ARG(v->blocks.memory), ARG(v->voxels.memory));
+        ARG(maps->noise), ARG(v->farthest.memory), ARG(rigid), ARG(v->surface.voxel),
+        ARG(v->surface.truncation), ARG(v->max_weight), ARG(v->blocks.memory), ARG(settled), ARG(turn),
+        ARG(v->frames), ARG(v->seen.memory), ARG(v->voxels.memory));
 }
 
 void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
@@ -130,13 +154,14 @@ void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pos
 }
 
 void volume_raycast_near(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, float reach_m,
-                         device_buffer *model) {
+                         bool marched, device_buffer *model) {
+    cl_int rays_marched = marched;
     const kernel_camera *camera = &maps->camera[FINEST];
     kernel_rigid to_world = kernel_rigid_of(camera_to_world);
     reach_m = fminf(reach_m, maps->source.max_m); /* a seed that knows nothing must not make rays endless */
-    RUN(d, v->raycast_near, (size_t)camera->width, (size_t)camera->height, 0, ARG(v->voxels.memory),
-        ARG(v->table.memory), ARG(v->surface), ARG(*camera), ARG(to_world), ARG(maps->depth[FINEST].memory),
-        ARG(reach_m), ARG(model->memory));
+    RUN(d, v->raycast_near, (size_t)((camera->width + d->lanes - 1) / d->lanes), (size_t)camera->height,
+        d->cpu ? 1 : 0, ARG(v->voxels.memory), ARG(v->table.memory), ARG(v->surface), ARG(*camera),
+        ARG(to_world), ARG(maps->depth[FINEST].memory), ARG(reach_m), ARG(rays_marched), ARG(model->memory));
 }
 
 void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],

@@ -6,17 +6,23 @@
 #include "depth_maps.h"
 
 typedef struct {
-    int capacity;    /* blocks in the pool */
-    int count;       /* in use: places 0..count-1, in the order in which they were made */
-    int64_t refused; /* blocks that found the pool full */
-    bool full;       /* some were refused by the last allocation */
+    int capacity;              /* blocks in the pool */
+    int count;                 /* in use: places 0..count-1, in the order in which they were made */
+    int64_t refused;           /* blocks that found the pool full */
+    int settled;               /* the first so many blocks have been fused into for SETTLING frames or more */
+    int settling;              /* the next to be so */
+    int frames;                /* fused */
+    int64_t dropped, restored; /* blocks, at the pool's bound */
+    bool full;                 /* some were refused by the last allocation */
     kernel_surface surface;
     float max_weight;
     int tiles;            /* of the finest maps */
     device_buffer voxels; /* BLOCK_BYTES a block */
     device_buffer table;  /* the hash: an int4 an entry */
     device_buffer blocks; /* coordinates of each place: an int4 */
+    device_buffer seen;   /* the last frame that fused into it: an int */
     device_buffer requests, counts;
+    device_buffer farthest; /* largest depth of each tile of the frame that was allocated for last */
     device_buffer ranges;
     cl_kernel request, clear, fuse, clear_ranges, range_blocks, raycast, raycast_near, halve_map;
 } volume;
@@ -31,20 +37,32 @@ void volume_close(volume *v);
 /* Forgets the surface. */
 void volume_clear(volume *v, device *d);
 
-/* Gives places to the blocks that the frame's surface needs. */
-void volume_allocate(volume *v, device *d, depth_maps *maps, const pose *camera_to_world);
+/* The entry of block b in the table, or the free one where it belongs. */
+cl_int4 *volume_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b);
 
-/* Queues the fusion of the frame. */
-void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world);
+/* Finds out which blocks the frame's surface needs and lacks; returns how many at most (neighbouring tiles may ask for the
+ * same). */
+int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world);
+
+/* Gives them places as far as there are any, from the returned one on; they are new: nothing seen. */
+int volume_allocate(volume *v, device *d);
+
+/* Queues the clearing of blocks: nothing seen. */
+void volume_clear_blocks(volume *v, device *d, int first, int count);
+
+/* Queues the fusion of the frame. calm: the camera has hardly moved since the frame before, and of the blocks that aren't
+ * new half will do, the other half with the next frame. */
+void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, bool calm);
 
 /* Queues the ray-cast of a model map (normal and depth, row by row) as camera sees it; its tiles must not outnumber the
  * finest maps'. */
 void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,
                     float near_m, float far_m, device_buffer *model);
 
-/* The same from where the scan was taken, as far as it lies within reach_m of the scan: all that alignment needs. */
+/* The same from where the scan was taken, as far as it lies within reach_m of the scan: all that alignment needs.
+ * marched: also where it is further from the scan than the truncation. */
 void volume_raycast_near(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, float reach_m,
-                         device_buffer *model);
+                         bool marched, device_buffer *model);
 
 /* Queues the coarser levels of a model map. */
 void volume_halve_maps(volume *v, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],

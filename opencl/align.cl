@@ -6,37 +6,34 @@
  *
  * A work-item owns a strip of pixels and keeps its sums in registers; strips depend on the device's kind only, never on
  * the number of threads, and the host adds them up in order in double precision: the result is the same to the last bit.
- * LANES pixels are worked on at once: 8 on a CPU, where a strip is a row; 1 on a GPU, where GROUP work-items share a row
+ * WIDE pixels are worked on at once: 16 on a CPU, where a strip is a row; 1 on a GPU, where GROUP work-items share a row
  * and add up in local memory. */
 
-#ifndef LANES
-#define LANES 8
-#endif
 #ifndef GROUP
 #define GROUP 1
+#endif
+
+#if LANES == 8
+#define WIDE 16
+typedef float16 wfloat;
+typedef int16 wint;
+#define WLOAD(p) vload16(0, p)
+#define WINT convert_int16_rtz
+#define WFLOAT convert_float16
+#define COLUMNS ((float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+#else
+#define WIDE 1
+typedef vfloat wfloat;
+typedef vint wint;
+#define WLOAD VLOAD
+#define WINT convert_int_rtz
+#define WFLOAT VFLOAT
+#define COLUMNS 0.0f
 #endif
 
 /* Upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w |p|^2, pairs n,
  * pixels where both have a surface; p here counts from centre. */
 #define SUMS 35
-
-#if LANES == 8
-typedef float8 vfloat;
-typedef int8 vint;
-#define VLOAD(p) vload8(0, p)
-#define VINT_FLOOR convert_int8_rtn
-#define IOTA ((float8)(0, 1, 2, 3, 4, 5, 6, 7))
-#define ANY(v) any(v)
-#define SELECT(a, b, c) select(a, b, c)
-#else
-typedef float vfloat;
-typedef int vint;
-#define VLOAD(p) (*(p))
-#define VINT_FLOOR convert_int_rtn
-#define IOTA 0.0f
-#define ANY(v) (v)
-#define SELECT(a, b, c) ((c) ? (b) : (a))
-#endif
 
 typedef struct {
     float distance2;    /* most squared distance of a pair, m^2 */
@@ -45,21 +42,85 @@ typedef struct {
     float4 centre;      /* point that rotations are taken about, model camera */
 } pair_limits;
 
-inline void accumulate(vfloat *s, vfloat px, vfloat py, vfloat pz, vfloat nx, vfloat ny, vfloat nz, vfloat b, vfloat w) {
-    vfloat a[6] = {py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx, nx, ny, nz};
-    int k = 0;
-    for (int i = 0; i < 6; i++) {
-        vfloat wa = w * a[i];
-        for (int j = i; j < 6; j++) s[k++] += wa * a[j];
-        s[21 + i] += wa * b;
+/* WIDE pairs: the point from centre, the model's normal, residual and weight; all zero in lanes without a pair. */
+typedef struct {
+    wfloat px, py, pz, nx, ny, nz, b, w;
+} wide_pairs;
+
+#define KEPT (WIDE == 1 ? 1 : 16) /* of them, until they are summed */
+
+/* Adds the pairs to the sums, in two passes: the sums of either stay in registers. */
+inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
+    wfloat r[18];
+#pragma unroll
+    for (int k = 0; k < 18; k++) r[k] = 0.0f;
+    for (int g = 0; g < count; g++) {
+        wide_pairs p = pairs[g];
+        wfloat a[6] = {p.py * p.nz - p.pz * p.ny, p.pz * p.nx - p.px * p.nz, p.px * p.ny - p.py * p.nx, p.nx, p.ny, p.nz};
+        int k = 0;
+#pragma unroll
+        for (int i = 0; i < 3; i++) {
+            wfloat wa = p.w * a[i];
+#pragma unroll
+            for (int j = i; j < 6; j++) r[k++] += wa * a[j];
+            r[15 + i] += wa * p.b;
+        }
     }
-    s[27] += w * b * b;
-    s[28] += w;
-    s[29] += w * px;
-    s[30] += w * py;
-    s[31] += w * pz;
-    s[32] += w * (px * px + py * py + pz * pz);
+#pragma unroll
+    for (int k = 0; k < 15; k++) s[k] += r[k];
+#pragma unroll
+    for (int k = 0; k < 3; k++) s[21 + k] += r[15 + k];
+
+#pragma unroll
+    for (int k = 0; k < 15; k++) r[k] = 0.0f;
+    for (int g = 0; g < count; g++) {
+        wide_pairs p = pairs[g];
+        wfloat wx = p.w * p.nx, wy = p.w * p.ny, wz = p.w * p.nz;
+        r[0] += wx * p.nx;
+        r[1] += wx * p.ny;
+        r[2] += wx * p.nz;
+        r[3] += wy * p.ny;
+        r[4] += wy * p.nz;
+        r[5] += wz * p.nz;
+        r[6] += wx * p.b;
+        r[7] += wy * p.b;
+        r[8] += wz * p.b;
+        r[9] += p.w * p.b * p.b;
+        r[10] += p.w;
+        r[11] += p.w * p.px;
+        r[12] += p.w * p.py;
+        r[13] += p.w * p.pz;
+        r[14] += p.w * (p.px * p.px + p.py * p.py + p.pz * p.pz);
+    }
+#pragma unroll
+    for (int k = 0; k < 6; k++) s[15 + k] += r[k];
+#pragma unroll
+    for (int k = 0; k < 9; k++) s[24 + k] += r[6 + k];
 }
+
+#if WIDE == 16
+/* Model points in planes. Four of them are turned at a time. */
+inline void gather_points(global const float4 *model, int16 at, float16 *x, float16 *y, float16 *z, float16 *w) {
+    float16 a = (float16)(model[at.s0], model[at.s1], model[at.s2], model[at.s3]);
+    float16 b = (float16)(model[at.s4], model[at.s5], model[at.s6], model[at.s7]);
+    float16 c = (float16)(model[at.s8], model[at.s9], model[at.sa], model[at.sb]);
+    float16 d = (float16)(model[at.sc], model[at.sd], model[at.se], model[at.sf]);
+    float16 xz0 = (float16)(a.even, b.even), yw0 = (float16)(a.odd, b.odd);
+    float16 xz1 = (float16)(c.even, d.even), yw1 = (float16)(c.odd, d.odd);
+    *x = (float16)(xz0.even, xz1.even);
+    *y = (float16)(yw0.even, yw1.even);
+    *z = (float16)(xz0.odd, xz1.odd);
+    *w = (float16)(yw0.odd, yw1.odd);
+}
+#else
+inline void gather_points(global const float4 *model, int at, float *x, float *y, float *z, float *w) {
+    float4 m = model[at];
+    *x = m.x;
+    *y = m.y;
+    *z = m.z;
+    *w = m.w;
+}
+#endif
 
 /* Global size: GROUP, rows. Local size: GROUP, 1. sums: SUMS floats a row.
  * depth, normals: the scan's, padded. model: normal and depth, in the model camera mc. */
@@ -67,59 +128,60 @@ kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void align_reduce(global const float *depth, global const float *normals, camera c, global const float4 *model,
                   camera mc, rigid motion, pair_limits limits, global float *sums) {
     int y = get_global_id(1);
-    vfloat s[SUMS];
+    wfloat s[SUMS];
+    wide_pairs pairs[KEPT];
+    int kept = 0;
     for (int k = 0; k < SUMS; k++) s[k] = 0.0f;
-    float v = ((float)y - c.cy) / c.fy;
-    for (int x = get_local_id(0) * LANES; x < c.width; x += LANES * GROUP) {
+    wfloat zero = 0.0f, one = 1.0f, pair_count = 0.0f, overlap = 0.0f;
+    float ifx = 1.0f / c.fx, imfx = 1.0f / mc.fx, imfy = 1.0f / mc.fy, v = ((float)y - c.cy) / c.fy;
+    /* of a ray, in the model's camera: what stays the same in a row */
+    float rx = motion.x.y * v + motion.x.z, ry = motion.y.y * v + motion.y.z, rz = motion.z.y * v + motion.z.z;
+    for (int x = get_local_id(0) * WIDE; x < c.width; x += WIDE * GROUP) {
         int i = AT(c, x, y);
-        vfloat z = VLOAD(depth + i);
-        vfloat confidence = VLOAD(normals + 3 * c.plane + i);
-        vint valid = confidence > 0.0f;
-        if (!ANY(valid)) continue;
-        vfloat sx = ((float)x + IOTA - c.cx) / c.fx * z, sy = v * z;
-        vfloat px = motion.x.x * sx + motion.x.y * sy + motion.x.z * z + motion.x.w;
-        vfloat py = motion.y.x * sx + motion.y.y * sy + motion.y.z * z + motion.y.w;
-        vfloat pz = motion.z.x * sx + motion.z.y * sy + motion.z.z * z + motion.z.w;
-        valid = valid && pz > 0.05f;
-        vfloat iz = 1.0f / SELECT((vfloat)(1.0f), pz, valid);
-        vfloat fu = px * iz * mc.fx + mc.cx + 0.5f, fv = py * iz * mc.fy + mc.cy + 0.5f;
-        valid = valid && fu >= 0.0f && fv >= 0.0f && fu < (float)mc.width && fv < (float)mc.height;
-        vfloat u = SELECT((vfloat)(0.0f), fu, valid), w_ = SELECT((vfloat)(0.0f), fv, valid);
-        vint ui = VINT_FLOOR(u), vi = VINT_FLOOR(w_);
-        vint at = vi * mc.width + ui;
-#if LANES == 8
-        float4 m0 = model[at.s0], m1 = model[at.s1], m2 = model[at.s2], m3 = model[at.s3];
-        float4 m4 = model[at.s4], m5 = model[at.s5], m6 = model[at.s6], m7 = model[at.s7];
-        vfloat nx = (float8)(m0.x, m1.x, m2.x, m3.x, m4.x, m5.x, m6.x, m7.x);
-        vfloat ny = (float8)(m0.y, m1.y, m2.y, m3.y, m4.y, m5.y, m6.y, m7.y);
-        vfloat nz = (float8)(m0.z, m1.z, m2.z, m3.z, m4.z, m5.z, m6.z, m7.z);
-        vfloat mz = (float8)(m0.w, m1.w, m2.w, m3.w, m4.w, m5.w, m6.w, m7.w);
-        vfloat uf = convert_float8(ui), vf = convert_float8(vi);
-#else
-        float4 m = model[at];
-        vfloat nx = m.x, ny = m.y, nz = m.z, mz = m.w, uf = (float)ui, vf = (float)vi;
-#endif
-        valid = valid && mz > 0.0f && (nx != 0.0f || ny != 0.0f || nz != 0.0f);
-        s[34] += SELECT((vfloat)(0.0f), (vfloat)(1.0f), valid);
-        vfloat dx = (uf - mc.cx) / mc.fx * mz - px, dy = (vf - mc.cy) / mc.fy * mz - py, dz = mz - pz;
-        valid = valid && dx * dx + dy * dy + dz * dz < limits.distance2;
+        wfloat z = WLOAD(depth + i);
+        wfloat confidence = WLOAD(normals + 3 * c.plane + i);
+        wint valid = confidence > zero;
+        wfloat u = ((float)x - c.cx + COLUMNS) * ifx;
+        wfloat px = (motion.x.x * u + rx) * z + motion.x.w;
+        wfloat py = (motion.y.x * u + ry) * z + motion.y.w;
+        wfloat pz = (motion.z.x * u + rz) * z + motion.z.w;
+        valid &= pz > 0.05f;
+        wfloat iz = 1.0f / SELECT(one, pz, valid);
+        wfloat fu = px * iz * mc.fx + (mc.cx + 0.5f), fv = py * iz * mc.fy + (mc.cy + 0.5f);
+        valid &= (fu >= 0.0f) & (fv >= 0.0f) & (fu < (float)mc.width) & (fv < (float)mc.height);
+        wint ui = WINT(SELECT(zero, fu, valid)), vi = WINT(SELECT(zero, fv, valid));
+        wfloat nx, ny, nz, mz;
+        gather_points(model, vi * mc.width + ui, &nx, &ny, &nz, &mz);
+        valid &= (mz > 0.0f) & ((nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f));
+        overlap += SELECT(zero, one, valid);
+        wfloat dx = (WFLOAT(ui) - mc.cx) * imfx * mz - px, dy = (WFLOAT(vi) - mc.cy) * imfy * mz - py, dz = mz - pz;
+        valid &= dx * dx + dy * dy + dz * dz < limits.distance2;
         /* the scan's normal, turned into the model's camera */
-        vfloat qx = VLOAD(normals + i), qy = VLOAD(normals + c.plane + i), qz = VLOAD(normals + 2 * c.plane + i);
-        vfloat cosine = nx * (motion.x.x * qx + motion.x.y * qy + motion.x.z * qz) +
+        wfloat qx = WLOAD(normals + i), qy = WLOAD(normals + c.plane + i), qz = WLOAD(normals + 2 * c.plane + i);
+        wfloat cosine = nx * (motion.x.x * qx + motion.x.y * qy + motion.x.z * qz) +
                         ny * (motion.y.x * qx + motion.y.y * qy + motion.y.z * qz) +
                         nz * (motion.z.x * qx + motion.z.y * qy + motion.z.z * qz);
-        valid = valid && cosine > limits.cos_angle;
-        vfloat b = nx * dx + ny * dy + nz * dz;
-        vfloat w = confidence * limits.huber / fmax(fabs(b), limits.huber);
+        valid &= cosine > limits.cos_angle;
+        wfloat b = nx * dx + ny * dy + nz * dz;
+        wfloat w = confidence * limits.huber / fmax(fabs(b), limits.huber);
         /* an invalid lane may hold anything, NaN too: clear the factors, not only the weight */
-        vfloat zero = 0.0f;
-        w = SELECT(zero, w, valid);
-        b = SELECT(zero, b, valid);
-        accumulate(s, SELECT(zero, px - limits.centre.x, valid), SELECT(zero, py - limits.centre.y, valid),
-                   SELECT(zero, pz - limits.centre.z, valid), SELECT(zero, nx, valid), SELECT(zero, ny, valid),
-                   SELECT(zero, nz, valid), b, w);
-        s[33] += SELECT(zero, (vfloat)(1.0f), valid);
+        wide_pairs *p = &pairs[kept++];
+        p->px = SELECT(zero, px - limits.centre.x, valid);
+        p->py = SELECT(zero, py - limits.centre.y, valid);
+        p->pz = SELECT(zero, pz - limits.centre.z, valid);
+        p->nx = SELECT(zero, nx, valid);
+        p->ny = SELECT(zero, ny, valid);
+        p->nz = SELECT(zero, nz, valid);
+        p->b = SELECT(zero, b, valid);
+        p->w = SELECT(zero, w, valid);
+        pair_count += SELECT(zero, one, valid);
+        if (kept < KEPT) continue;
+        accumulate(s, pairs, kept);
+        kept = 0;
     }
+    accumulate(s, pairs, kept);
+    s[33] = pair_count;
+    s[34] = overlap;
 #if GROUP > 1
     local float tree[GROUP];
     int lane = get_local_id(0);
@@ -133,10 +195,13 @@ void align_reduce(global const float *depth, global const float *normals, camera
         if (lane == 0) sums[y * SUMS + k] = tree[0];
         barrier(CLK_LOCAL_MEM_FENCE);
     }
+#elif LANES == 1
+    for (int k = 0; k < SUMS; k++) sums[y * SUMS + k] = s[k];
 #else
     for (int k = 0; k < SUMS; k++) {
-        float4 h = s[k].lo + s[k].hi;
-        sums[y * SUMS + k] = (h.x + h.y) + (h.z + h.w);
+        float8 h = s[k].lo + s[k].hi;
+        float4 q = h.lo + h.hi;
+        sums[y * SUMS + k] = (q.x + q.y) + (q.z + q.w);
     }
 #endif
 }

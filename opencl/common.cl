@@ -17,6 +17,34 @@ typedef struct {
     float4 x, y, z;       /* rows of the rotation, with the translation in w */
 } rigid;
 
+/* Pixels of a row that a work-item works on at once: 8 on a CPU, 1 on a GPU. */
+#ifndef LANES
+#define LANES 8
+#endif
+#if LANES == 8
+typedef float8 vfloat;
+typedef int8 vint;
+#define VLOAD(p) vload8(0, p)
+#define VSTORE(v, p) vstore8(v, 0, p)
+#define VINT convert_int8
+#define VINT_FLOOR convert_int8_rtn
+#define VFLOAT convert_float8
+#define IOTA ((float8)(0, 1, 2, 3, 4, 5, 6, 7))
+#define ANY(v) any(v)
+#define SELECT(a, b, c) select(a, b, c)
+#else
+typedef float vfloat;
+typedef int vint;
+#define VLOAD(p) (*(p))
+#define VSTORE(v, p) (*(p) = (v))
+#define VINT convert_int
+#define VINT_FLOOR convert_int_rtn
+#define VFLOAT convert_float
+#define IOTA 0.0f
+#define ANY(v) (v)
+#define SELECT(a, b, c) ((c) ? (b) : (a))
+#endif
+
 #define TILE 8 /* side of the tiles that images are divided into, pixels */
 
 #define AT(c, px, py) (((py) + PAD_Y) * (c).pitch + (px) + PAD_X)

@@ -28,14 +28,23 @@ inline int source_index(depth_source s, int x, int y) {
 
 /* The depths of eight pixels of the map, each at (i, j) of its factor x factor pixels; 0: invalid. */
 inline float8 source_depths(global const ushort *raw, depth_source s, int x, int y, int i, int j) {
-    ushort v[8];
-    for (int k = 0; k < 8; k++) {
-        int at = source_index(s, (x + k) * s.factor + i, y * s.factor + j);
-        v[k] = at >= 0 ? raw[at] : 0;
+    ushort8 units;
+    global const ushort *row = raw + (y * s.factor + j) * s.width;
+    if (!s.distorted && s.factor == 1 && x + 8 <= s.width) {
+        units = vload8(0, row + x);
+    } else if (!s.distorted && s.factor == 2 && 2 * x + 16 <= s.width) {
+        ushort16 pairs = vload16(0, row + 2 * x);
+        units = i == 0 ? pairs.even : pairs.odd;
+    } else {
+        ushort v[8];
+        for (int k = 0; k < 8; k++) {
+            int at = source_index(s, (x + k) * s.factor + i, y * s.factor + j);
+            v[k] = at >= 0 ? raw[at] : 0;
+        }
+        units = vload8(0, v);
     }
-    ushort8 units = vload8(0, v);
     float8 z = convert_float8(units) * s.metres_per_unit;
-    return select((float8)(0.0f), z, convert_int8(units != (ushort8)(0) && units != (ushort8)(65535)) && z >= s.min_m && z <= s.max_m);
+    return select((float8)(0.0f), z, convert_int8((units != (ushort8)(0)) & (units != (ushort8)(65535))) & (z >= s.min_m) & (z <= s.max_m));
 }
 
 /* Metric depth, averaged over factor x factor pixels as far as they belong to the nearest surface among them.
@@ -53,7 +62,7 @@ kernel void convert_depth(global const ushort *raw, depth_source s, camera c, fl
     for (int j = 0; j < s.factor; j++)
         for (int i = 0; i < s.factor; i++) {
             float8 z = source_depths(raw, s, x, y, i, j);
-            int8 keep = z > 0.0f && z <= band;
+            int8 keep = (z > 0.0f) & (z <= band);
             sum += select((float8)(0.0f), z, keep);
             count += select((float8)(0.0f), (float8)(1.0f), keep);
         }

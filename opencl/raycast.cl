@@ -21,31 +21,48 @@ inline float voxel_at(global const short *voxels, global const int4 *table, surf
     return d == NEVER_SEEN ? NAN : (float)d * (1.0f / TSDF_ONE);
 }
 
-/* The eight distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. Doesn't look at
+/* The eight stored distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. Doesn't look at
  * min_weight: for ray-casts. */
+inline bool stored_cube(global const short *voxels, global const int4 *table, surface f, int3 i, short8 *cube, int3 *last,
+                        int *place) {
+    int3 in = i & 7, b = i >> 3;
+    if (any(b != *last)) {
+        *last = b;
+        *place = find_block(table, f.mask, b);
+    }
+    if (*place < 0) return false;
+    global const short *d = voxels + (size_t)*place * 2 * BLOCK_VOXELS + (in.z * 8 + in.y) * 8 + in.x;
+    short8 stored;
+    if (all(in < 7)) { /* within one block */
+        stored = (short8)(vload2(0, d), vload2(0, d + 8), vload2(0, d + 64), vload2(0, d + 72));
+    } else { /* some axes reach into the next block: bit 0 for x, 1 for y, 2 for z, as in a corner's number */
+        int over = (in.x == 7) | (in.y == 7) << 1 | (in.z == 7) << 2;
+        global const short *from[8]; /* where a corner's block would have the cube's lowest voxel */
+        short c[8];
+        from[0] = d;
+        for (int k = 1; k < 8; k++) {
+            if (k & ~over) {
+                from[k] = from[k & over];
+                continue;
+            }
+            int3 next = (int3)(k & 1, (k >> 1) & 1, k >> 2);
+            int there = find_block(table, f.mask, b + next);
+            if (there < 0) return false;
+            from[k] = voxels + (size_t)there * 2 * BLOCK_VOXELS + ((in.z - 8 * next.z) * 8 + in.y - 8 * next.y) * 8 + in.x - 8 * next.x;
+        }
+        for (int k = 0; k < 8; k++) c[k] = from[k][(k & 1) + (k >> 1 & 1) * 8 + (k >> 2) * 64];
+        stored = vload8(0, c);
+    }
+    *cube = stored;
+    return !any(stored == (short8)(NEVER_SEEN));
+}
+
+/* The same in truncations. */
 inline bool cube_at(global const short *voxels, global const int4 *table, surface f, int3 i, float8 *cube, int3 *last,
                     int *place) {
-    int3 in = i & 7;
-    if (all(in < 7)) { /* within one block */
-        int3 b = i >> 3;
-        if (any(b != *last)) {
-            *last = b;
-            *place = find_block(table, f.mask, b);
-        }
-        if (*place < 0) return false;
-        global const short *d = voxels + (size_t)*place * 2 * BLOCK_VOXELS + (in.z * 8 + in.y) * 8 + in.x;
-        short8 stored = (short8)(vload2(0, d), vload2(0, d + 8), vload2(0, d + 64), vload2(0, d + 72));
-        if (any(stored == (short8)(NEVER_SEEN))) return false;
-        *cube = convert_float8(stored) * (1.0f / TSDF_ONE);
-        return true;
-    }
-    float c[8];
-    bool seen = true;
-    for (int k = 0; k < 8; k++) {
-        c[k] = voxel_at(voxels, table, f, i + (int3)(k & 1, (k >> 1) & 1, k >> 2), last, place);
-        seen = seen && !isnan(c[k]);
-    }
-    *cube = vload8(0, c);
+    short8 stored;
+    bool seen = stored_cube(voxels, table, f, i, &stored, last, place);
+    if (seen) *cube = convert_float8(stored) * (1.0f / TSDF_ONE);
     return seen;
 }
 
@@ -208,42 +225,93 @@ kernel void raycast(global const short *voxels, global const int4 *table, surfac
 }
 
 #define NEWTON_STEPS 4
-#define NEWTON_CLOSE 0.05f /* voxels */
+#define NEWTON_STEEP 0.2f /* cosine between ray and normal; what is seen more from the side may be missed altogether */
+#define NEWTON_CLOSE 0.05f /* voxels: a step so small ends it */
+#define NEWTON_WITHIN 0.3f /* the same where it stays within the cube, so that the surface is known there */
+
+/* A corner's distance, of all lanes. */
+#if LANES == 8
+#define CORNER(q, k) \
+    convert_float8((short8)(q[0].s##k, q[1].s##k, q[2].s##k, q[3].s##k, q[4].s##k, q[5].s##k, q[6].s##k, q[7].s##k))
+#else
+#define CORNER(q, k) convert_float(q[0].s##k)
+#endif
 
 /* The same for alignment, which needs the surface only where the scan has one, and near it. Where the camera's pose is
- * nearly right, the scan's own depth is the best start: Newton's method along the ray from there, two or three cubes of
- * voxels instead of a march. Where that fails, the ray is marched from `reach` before the scan's depth to as far behind.
- * Global size: width, height. */
+ * nearly right, the scan's own depth is the best start: Newton's method along the ray from there, one or two cubes of
+ * voxels instead of a march. Where that fails, and `marched` isn't 0, the ray is marched from `reach` before the scan's
+ * depth to as far behind. Global size: strips of LANES pixels a row, height. */
 kernel void raycast_near(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
-                         global const float *scan, float reach, global float4 *model) {
-    int x = get_global_id(0), y = get_global_id(1);
-    float z = scan[AT(c, x, y)];
-    float4 result = 0.0f;
-    if (z > 0.0f) {
-        voxel_ray r = pixel_ray(f, c, pose, x, y);
-        int3 last = (int3)(INT_MAX);
-        int place = -1;
-        float t = z;
-        bool met = false;
-        for (int k = 0; k < NEWTON_STEPS; k++) {
-            float8 cube;
-            float3 p = r.origin + r.step * t;
-            int3 i = convert_int3_rtn(p);
-            if (!cube_at(voxels, table, f, i, &cube, &last, &place)) break;
-            float d = interpolate(cube, p - convert_float3(i));
-            float3 gradient = interpolate_gradient(cube, p - convert_float3(i));
-            float slope = dot(gradient, r.step);
-            if (!(slope < 0.0f) || fabs(d) > 0.99f) break; /* flat, or the back of something */
-            float change = -d / slope;
-            t += change;
-            if (fabs(t - z) > reach) break;
-            if (fabs(change) * length(r.step) < NEWTON_CLOSE) {
-                result = model_point(pose, r, gradient, t);
-                met = true;
-                break;
-            }
+                         global const float *scan, float reach, int marched, global float4 *model) {
+    int x0 = get_global_id(0) * LANES, y = get_global_id(1);
+    vfloat z = VLOAD(scan + AT(c, x0, y)), t = z;
+    vfloat u = ((float)x0 + IOTA - c.cx) / c.fx; /* of the rays, in camera axes, with z = 1 */
+    float v = ((float)y - c.cy) / c.fy, inverse = 1.0f / f.voxel;
+    vfloat sx = (pose.x.x * u + (pose.x.y * v + pose.x.z)) * inverse; /* in the world, voxels a metre of depth */
+    vfloat sy = (pose.y.x * u + (pose.y.y * v + pose.y.z)) * inverse;
+    vfloat sz = (pose.z.x * u + (pose.z.y * v + pose.z.z)) * inverse;
+    vfloat speed = sqrt(sx * sx + sy * sy + sz * sz);
+    float ox = pose.x.w * inverse, oy = pose.y.w * inverse, oz = pose.z.w * inverse;
+    vfloat nx = 0.0f, ny = 0.0f, nz = 0.0f; /* the gradient where the surface was met, in the world */
+    vint open = z > 0.0f, met = 0;
+    int3 last = (int3)(INT_MAX);
+    int place = -1;
+    for (int k = 0; k < NEWTON_STEPS && ANY(open); k++) {
+        vfloat px = ox + sx * t, py = oy + sy * t, pz = oz + sz * t;
+        vfloat lx = floor(px), ly = floor(py), lz = floor(pz);
+        int go[LANES], ix[LANES], iy[LANES], iz[LANES];
+        short8 cube[LANES];
+        VSTORE(open, go);
+        VSTORE(VINT(lx), ix);
+        VSTORE(VINT(ly), iy);
+        VSTORE(VINT(lz), iz);
+        for (int l = 0; l < LANES; l++) {
+            cube[l] = 0;
+            if (go[l] && !stored_cube(voxels, table, f, (int3)(ix[l], iy[l], iz[l]), &cube[l], &last, &place)) go[l] = 0;
         }
-        if (!met) result = march(voxels, table, f, pose, r, fmax(z - reach, 0.05f), z + reach);
+        open = VLOAD(go);
+        /* trilinear, x first, with the derivatives along */
+        vfloat fx = px - lx, fy = py - ly, fz = pz - lz;
+        vfloat c0 = CORNER(cube, 0), c2 = CORNER(cube, 2), c4 = CORNER(cube, 4), c6 = CORNER(cube, 6);
+        vfloat dx0 = CORNER(cube, 1) - c0, dx1 = CORNER(cube, 3) - c2, dx2 = CORNER(cube, 5) - c4, dx3 = CORNER(cube, 7) - c6;
+        vfloat x00 = c0 + dx0 * fx, x10 = c2 + dx1 * fx, x01 = c4 + dx2 * fx, x11 = c6 + dx3 * fx;
+        vfloat dy0 = x10 - x00, dy1 = x11 - x01, xy0 = x00 + dy0 * fy, xy1 = x01 + dy1 * fy;
+        vfloat dxy0 = dx0 + (dx1 - dx0) * fy, dxy1 = dx2 + (dx3 - dx2) * fy;
+        vfloat gx = dxy0 + (dxy1 - dxy0) * fz, gy = dy0 + (dy1 - dy0) * fz, gz = xy1 - xy0;
+        vfloat value = xy0 + gz * fz, slope = gx * sx + gy * sy + gz * sz;
+        /* not flat, nor the back of something, nor seen from the side */
+        open = open & (slope < 0.0f) & (fabs(value) <= 0.99f * TSDF_ONE) &
+               (slope * slope > NEWTON_STEEP * NEWTON_STEEP * (gx * gx + gy * gy + gz * gz) * speed * speed);
+        vfloat change = value / SELECT((vfloat)(1.0f), -slope, open);
+        t = SELECT(t, t + change, open);
+        open = open & (fabs(t - z) <= reach);
+        vint same = (floor(ox + sx * t) == lx) & (floor(oy + sy * t) == ly) & (floor(oz + sz * t) == lz); /* cube */
+        vint close = open & (fabs(change) * speed < SELECT((vfloat)(NEWTON_CLOSE), (vfloat)(NEWTON_WITHIN), same));
+        nx = SELECT(nx, gx, close);
+        ny = SELECT(ny, gy, close);
+        nz = SELECT(nz, gz, close);
+        met = met | close;
+        open = open & !close;
     }
-    model[y * c.width + x] = result;
+    vfloat inverse_length = 1.0f / sqrt(fmax(nx * nx + ny * ny + nz * nz, 1.0f));
+    vfloat mx = (pose.x.x * nx + pose.y.x * ny + pose.z.x * nz) * inverse_length; /* turned back into camera axes */
+    vfloat my = (pose.x.y * nx + pose.y.y * ny + pose.z.y * nz) * inverse_length;
+    vfloat mz = (pose.x.z * nx + pose.y.z * ny + pose.z.z * nz) * inverse_length;
+    vfloat zero = 0.0f;
+    vint front = met & (mx * u + my * v + mz < 0.0f), ends = met | (z == 0.0f) | (marched == 0 ? -1 : 0);
+    float ax[LANES], ay[LANES], az[LANES], depth[LANES], start[LANES];
+    int done[LANES];
+    VSTORE(SELECT(zero, mx, front), ax);
+    VSTORE(SELECT(zero, my, front), ay);
+    VSTORE(SELECT(zero, mz, front), az);
+    VSTORE(SELECT(zero, t, front), depth);
+    VSTORE(z, start);
+    VSTORE(ends, done);
+    for (int l = 0; l < LANES && x0 + l < c.width; l++) {
+        float4 point = (float4)(ax[l], ay[l], az[l], depth[l]);
+        if (!done[l])
+            point = march(voxels, table, f, pose, pixel_ray(f, c, pose, x0 + l, y), fmax(start[l] - reach, 0.05f),
+                          start[l] + reach);
+        model[y * c.width + x0 + l] = point;
+    }
 }

@@ -34,6 +34,8 @@ for against in model previous; do
     check "against $against: one thread or two, the same trajectory, figures and mesh to the last bit"
     same two again >>err 2>&1
     check "against $against: twice the same"
+    (POCL_DEVICES=basic && export POCL_DEVICES && replay basic 1 --against $against) && same two basic >>err 2>&1
+    check "against $against: PoCL's device without threads, the same to the last bit"
 done
 
 [ $failed -eq 0 ]

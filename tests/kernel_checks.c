@@ -36,6 +36,7 @@ int kernel_checks_open(device *d, fathom_config *config, const char *name, fatho
     if (e != FATHOM_OK) return e;
     if (gpu_shape) { /* before the kernels are built */
         d->cpu = false;
+        d->lanes = 1;
         d->group = 64;
     }
     return device_open(d);

@@ -114,9 +114,11 @@ static void cast(bench *b, bench_volume *v, const bench_view *view, float *got, 
     cl_mem model = bench_buffer(b, bytes, got);
     if (view->scan) {
         cl_mem scan = bench_buffer(b, (size_t)c->plane * 4, view->scan);
-        LAUNCH(b, "raycast_near", (size_t)c->width, (size_t)c->height, 0, ARG(v->voxels_memory),
+        size_t strips = (size_t)((c->width + b->d->lanes - 1) / b->d->lanes);
+        cl_int marched = 1;
+        LAUNCH(b, "raycast_near", strips, (size_t)c->height, b->d->cpu ? 1 : 0, ARG(v->voxels_memory),
                ARG(v->table_memory), ARG(v->surface), ARG(*c), ARG(to_world), ARG(scan), ARG(view->reach),
-               ARG(model));
+               ARG(marched), ARG(model));
     } else {
         cl_mem ranges = make_ranges(b, v, c, &to_camera, view->near_m, view->far_m);
         LAUNCH(b, "raycast", (size_t)c->width, (size_t)c->height, 0, ARG(v->voxels_memory),

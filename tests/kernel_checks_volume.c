@@ -12,6 +12,7 @@ void compare_request_blocks(bench *b, float *depth, const kernel_camera *c,
     size_t request_bytes = (size_t)tiles * TILE_SLOTS * sizeof(cl_int4),
            count_bytes = (size_t)tiles * sizeof(cl_int);
     cl_int4 *got = bench_alloc(request_bytes), *want = bench_alloc(request_bytes);
+    float *got_farthest = bench_alloc(count_bytes), *want_farthest = bench_alloc(count_bytes);
     int *got_counts = bench_alloc(count_bytes), *want_counts = bench_alloc(count_bytes);
     uint8_t *doubt = bench_alloc((size_t)c->width * (size_t)c->height);
     ref_volume reference;
@@ -28,13 +29,18 @@ void compare_request_blocks(bench *b, float *depth, const kernel_camera *c,
 
     bench_volume_upload(b, v);
     cl_mem depth_memory = bench_buffer(b, (size_t)c->plane * 4, depth),
-           requests = bench_buffer(b, request_bytes, NULL), counts = bench_buffer(b, count_bytes, NULL);
+           requests = bench_buffer(b, request_bytes, NULL), counts = bench_buffer(b, count_bytes, NULL),
+           farthest = bench_buffer(b, count_bytes, NULL);
     LAUNCH(b, "request_blocks", (size_t)tiles, 1, 1, ARG(depth_memory), ARG(*c), ARG(*camera_to_world),
            ARG(block_m), ARG(v->surface.truncation), ARG(v->table_memory), ARG(v->surface.mask),
-           ARG(requests), ARG(counts));
+           ARG(requests), ARG(counts), ARG(farthest));
     bench_read(b, requests, got, request_bytes);
     bench_read(b, counts, got_counts, count_bytes);
+    bench_read(b, farthest, got_farthest, count_bytes);
+    ref_tile_farthest(depth, c, want_farthest);
     for (int tile = 0; tile < tiles && !b->failed; tile++) { /* exactly the same blocks in the same order */
+        bench_near(b, "request_blocks: farthest of tile", tile, 0, got_farthest[tile], want_farthest[tile],
+                   0);
         bench_near(b, "request_blocks: count of tile", tile, 0, got_counts[tile], want_counts[tile], 0);
         for (int i = 0; i < want_counts[tile] && !b->failed; i++)
             for (int a = 0; a < 3; a++)
@@ -46,6 +52,8 @@ void compare_request_blocks(bench *b, float *depth, const kernel_camera *c,
     free(want);
     free(got_counts);
     free(want_counts);
+    free(got_farthest);
+    free(want_farthest);
     free(doubt);
 }
 
@@ -129,12 +137,22 @@ void compare_fuse_blocks(bench *b, const float *scan, const kernel_camera *c, cl
     cl_float voxel = v->surface.voxel, truncation = v->surface.truncation, most = max_weight;
     bench_volume_upload(b, v);
     cl_mem scan_memory = bench_buffer(b, (size_t)c->width * (size_t)c->height * 16, scan);
+    int tiles = ((c->width + TILE - 1) / TILE) * ((c->height + TILE - 1) / TILE);
+    float *depth = bench_plane(c, 1, 0), *farthest = bench_alloc((size_t)tiles * 4);
+    for (int i = 0; i < c->width * c->height; i++)
+        depth[ref_at(c, i % c->width, i / c->width)] = scan[4 * i + 3];
+    ref_tile_farthest(depth, c, farthest);
+    cl_mem farthest_memory = bench_buffer(b, (size_t)tiles * 4, farthest);
+    cl_int settled = v->count / 3, turn = v->count & 1, frame = 7;
+    cl_mem seen = bench_buffer(b, (size_t)v->count * 4, NULL);
     LAUNCH(b, "fuse_blocks", (size_t)v->count, 1, 1, ARG(scan_memory), ARG(*c), ARG(noise),
-           ARG(*world_to_camera), ARG(voxel), ARG(truncation), ARG(most), ARG(v->blocks_memory),
-           ARG(v->voxels_memory));
+           ARG(farthest_memory), ARG(*world_to_camera), ARG(voxel), ARG(truncation), ARG(most),
+           ARG(v->blocks_memory), ARG(settled), ARG(turn), ARG(frame), ARG(seen), ARG(v->voxels_memory));
+    free(depth);
+    free(farthest);
     bench_read(b, v->voxels_memory, got, bytes);
-    ref_fuse_blocks(scan, c, noise, world_to_camera, voxel, truncation, most, v->blocks, v->count, v->voxels,
-                    doubt);
+    ref_fuse_blocks(scan, c, noise, world_to_camera, voxel, truncation, most, v->blocks, v->count, settled,
+                    turn, v->voxels, doubt);
     /* A voxel's place in camera axes is known to 1e-6 m (some 5 m, a few roundings), and half a unit is rounded off. */
     double tolerance = 1.01 + 32767 * 2e-6 / truncation;
     for (int i = 0; i < voxels && !b->failed; i++) {

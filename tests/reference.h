@@ -70,15 +70,17 @@ double ref_volume_voxel(ref_volume *v, int x, int y, int z);
 /* Trilinear interpolation at p (in voxels), and its gradient where that isn't NULL; NAN where a corner is unseen. */
 double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3]);
 
+/* The largest depth of each tile. */
+void ref_tile_farthest(const float *depth, const kernel_camera *c, float *farthest);
 /* doubt: a byte a pixel of the depth. */
 void ref_request_blocks(const float *depth, const kernel_camera *c, const kernel_rigid *camera_to_world,
                         double block_m, double truncation, ref_volume *v, cl_int4 *requests, int *counts,
                         uint8_t *doubt);
 void ref_clear_blocks(int first, int count, int16_t *voxels);
-/* Fuses into voxels; scan: as ref_pack_map makes it; doubt: a byte a voxel. */
+/* Fuses into voxels; scan: as ref_pack_map makes it; of the first settled blocks every other; doubt: a byte a voxel. */
 void ref_fuse_blocks(const float *scan, const kernel_camera *c, cl_float2 noise,
                      const kernel_rigid *world_to_camera, double voxel, double truncation, double max_weight,
-                     const cl_int4 *blocks, int count, int16_t *voxels, uint8_t *doubt);
+                     const cl_int4 *blocks, int count, int settled, int turn, int16_t *voxels, uint8_t *doubt);
 
 /* ---- opencl/raycast.cl, opencl/surface.cl (reference_surface.c) ---- */
 

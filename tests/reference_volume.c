@@ -124,12 +124,32 @@ static int request_pixel(const double origin[3], const double ray[3], double z, 
     return count;
 }
 
+void ref_tile_farthest(const float *depth, const kernel_camera *c, float *farthest) {
+    int tiles_x = (c->width + TILE - 1) / TILE, tiles_y = (c->height + TILE - 1) / TILE;
+    memset(farthest, 0, (size_t)(tiles_x * tiles_y) * sizeof *farthest);
+    for (int y = 0; y < c->height; y++)
+        for (int x = 0; x < c->width; x++) {
+            float *tile = &farthest[y / TILE * tiles_x + x / TILE];
+            *tile = fmaxf(*tile, depth[ref_at(c, x, y)]);
+        }
+}
+
+/* Pixels a third of a block apart are enough. */
+static int pixels_apart(const kernel_camera *c, float farthest, float block_m) {
+    int apart = (int)(c->fx * block_m / (3 * fmaxf(farthest, 0.01f)));
+    return apart < 1 ? 1 : apart > 4 ? 4 : apart;
+}
+
 void ref_request_blocks(const float *depth, const kernel_camera *c, const kernel_rigid *camera_to_world,
                         double block_m, double truncation, ref_volume *v, cl_int4 *requests, int *counts,
                         uint8_t *doubt) {
     int tiles_x = (c->width + TILE - 1) / TILE, tiles_y = (c->height + TILE - 1) / TILE;
     double origin[3] = {camera_to_world->x.s[3], camera_to_world->y.s[3], camera_to_world->z.s[3]};
+    float *farthest = malloc((size_t)(tiles_x * tiles_y) * sizeof *farthest);
+    if (!farthest) abort();
+    ref_tile_farthest(depth, c, farthest);
     for (int tile = 0; tile < tiles_x * tiles_y; tile++) {
+        int apart = pixels_apart(c, farthest[tile], (float)block_m);
         counts[tile] = 0;
         for (int k = 0; k < TILE * TILE; k++) {
             int x = tile % tiles_x * TILE + k % TILE, y = tile / tiles_x * TILE + k / TILE;
@@ -138,12 +158,13 @@ void ref_request_blocks(const float *depth, const kernel_camera *c, const kernel
             bool unsure = false;
             ref_rotate(camera_to_world,
                        (double[]){(x - (double)c->cx) / c->fx, (y - (double)c->cy) / c->fy, 1}, ray);
-            if (z != 0)
+            if (z != 0 && k % TILE % apart == 0 && k / TILE % apart == 0)
                 counts[tile] = request_pixel(origin, ray, z, block_m, truncation, v,
                                              requests + tile * TILE_SLOTS, counts[tile], &unsure);
             if (doubt) doubt[y * c->width + x] = unsure;
         }
     }
+    free(farthest);
 }
 
 void ref_clear_blocks(int first, int count, int16_t *voxels) {
@@ -197,13 +218,16 @@ static bool fuse_voxel(const float *scan, const kernel_camera *c, cl_float2 nois
 
 void ref_fuse_blocks(const float *scan, const kernel_camera *c, cl_float2 noise,
                      const kernel_rigid *world_to_camera, double voxel, double truncation, double max_weight,
-                     const cl_int4 *blocks, int count, int16_t *voxels, uint8_t *doubt) {
+                     const cl_int4 *blocks, int count, int settled, int turn, int16_t *voxels,
+                     uint8_t *doubt) {
     for (int i = 0; i < count * BLOCK_VOXELS; i++) {
         int block = i / BLOCK_VOXELS, k = i % BLOCK_VOXELS;
         int in[3] = {k % BLOCK_EDGE, k / BLOCK_EDGE % BLOCK_EDGE, k / (BLOCK_EDGE * BLOCK_EDGE)};
         int16_t *data = voxels + (size_t)block * 2 * BLOCK_VOXELS + k;
         double world[3], p[3];
         bool unsure = false;
+        if (doubt) doubt[i] = false;
+        if (block < settled && block % 2 != turn) continue;
         for (int a = 0; a < 3; a++) world[a] = (blocks[block].s[a] * BLOCK_EDGE + in[a]) * voxel;
         ref_transform(world_to_camera, world, p);
         fuse_voxel(scan, c, noise, p, truncation, max_weight, data, (uint16_t *)data + BLOCK_VOXELS, &unsure);

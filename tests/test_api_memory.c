@@ -68,6 +68,27 @@ static void default_settings_need_at_most_128_mb(void **state) {
     assert_true(fathom_memory_required(&c) == plan.host_bytes); /* asking changes nothing */
 }
 
+static void presets_keep_to_their_memory(void **state) {
+    (void)state;
+    static const struct {
+        fathom_preset preset;
+        int width;
+        float voxel_m;
+        int64_t megabytes;
+    } wanted[] = {{FATHOM_PRESET_TINY, 160, 0.02f, 64},
+                  {FATHOM_PRESET_SMALL, 320, 0.01f, 128},
+                  {FATHOM_PRESET_LARGE, 640, 0.008f, 256}};
+    for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++) {
+        fathom_config c = fathom_config_preset(wanted[i].preset);
+        fathom_memory_plan plan;
+        assert_int_equal(fathom_memory_plan_for(&c, &plan), FATHOM_OK);
+        assert_int_equal(plan.align_width, wanted[i].width);
+        assert_true(c.voxel_m == wanted[i].voxel_m);
+        assert_true(plan.host_bytes + plan.device_bytes <= wanted[i].megabytes << 20);
+        assert_true(plan.blocks > 16000);
+    }
+}
+
 static void memory_follows_the_settings(void **state) {
     (void)state;
     fathom_config c = logged();
@@ -242,6 +263,7 @@ static const bad_setting bad_settings[] = {
     FLOAT(depth_noise_growth, -0.1, 10),
     INT(align_width, -1, 1 << 20),
     INT(align_height, -1, 1 << 20),
+    INT(align_most, 15, 4097),
     INT(iterations[0], -1, 101),
     INT(iterations[1], -1, 101),
     INT(iterations[2], -1, 101),
@@ -249,6 +271,10 @@ static const bad_setting bad_settings[] = {
     INT(seeded_iterations[1], -1, 101),
     INT(seeded_iterations[2], -1, 101),
     FLOAT(seeded_sigma_m, -1, 1e9),
+    FLOAT(keep_model_m, -1, INFINITY),
+    FLOAT(keep_model_rad, -1, INFINITY),
+    FLOAT(evident_pairs, -1, INFINITY),
+    FLOAT(evident_sigmas, -1, INFINITY),
     FLOAT(pair_distance_m, 0, 100),
     FLOAT(pair_angle_rad, 0, 4),
     FLOAT(huber_m, 0, INFINITY),
@@ -281,6 +307,7 @@ static const bad_setting bad_settings[] = {
     FLOAT(lost_sigma_m, 0, 1e6),
     INT(imu_capacity, -1, 1 << 30),
     {"against", offsetof(fathom_config, against), 'i', -1, 2},
+    {"when_full", offsetof(fathom_config, when_full), 'i', -1, 2},
     {"buffers", offsetof(fathom_config, buffers), 'i', -1, 3},
 };
 
@@ -411,6 +438,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(names_are_given_for_any_value),
         cmocka_unit_test(default_settings_need_at_most_128_mb),
+        cmocka_unit_test(presets_keep_to_their_memory),
         cmocka_unit_test(memory_follows_the_settings),
         cmocka_unit_test(a_block_one_byte_short_is_refused_untouched),
         cmocka_unit_test(an_unaligned_block_will_do_and_its_neighbours_are_safe),

@@ -17,6 +17,7 @@ int command_replay(int argc, char **argv);
 int command_simulate(int argc, char **argv);
 int command_calibrate(int argc, char **argv);
 int command_info(int argc, char **argv);
+int command_kernels(int argc, char **argv);
 int command_selftest(int argc, char **argv);
 
 /* Prints "fathom: " and the text as one line on stderr. Returns status, so that `return cli_error(CLI_FAILED, ...)` reads well. */

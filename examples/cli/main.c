@@ -16,6 +16,7 @@ static const struct command {
     {"simulate", command_simulate, "render a scene into a recording, with its ground truth"},
     {"calibrate", command_calibrate, "how the IMU sits on the camera, from a recording"},
     {"info", command_info, "versions, OpenCL devices, bytes needed"},
+    {"kernels", command_kernels, "build the kernels into a file, for boards without a compiler"},
     {"selftest", command_selftest, "check every kernel on this machine's device"},
 };
 

@@ -75,7 +75,7 @@ static int imu_capacity(const fathom_recording *recording, int stride) {
 
 void playback_choose_voxel(const fathom_recording *recording, struct settings *settings) {
     const size_t count = (size_t)recording->width * (size_t)recording->height;
-    uint16_t *pixels = settings->voxel > 0 ? NULL : malloc(count * sizeof *pixels);
+    uint16_t *pixels = settings->voxel > 0 || settings->preset ? NULL : malloc(count * sizeof *pixels);
     size_t valid = 0, near = 0;
     for (int i = 0; pixels && !valid && i < recording->frame_count; i++)
         for (size_t k = fathom_recording_read_depth(recording, i, pixels) ? count : 0; k < count; k++) {

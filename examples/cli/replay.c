@@ -177,6 +177,8 @@ static void say_counters(const struct replay *replay) {
     if (fathom_get_counters(replay->playback.scan, &c)) return;
     if (c.imu_overrun)
         cli_warning("%" PRId64 " IMU samples found no room in the ring and were dropped", c.imu_overrun);
+    if (c.blocks_dropped)
+        cli_note("%lld blocks of the surface made room for others and aren't in the mesh", (long long)c.blocks_dropped);
     if (c.blocks_refused)
         cli_warning("%" PRId64 " blocks of the surface found no room: raise --memory or --voxel",
                     c.blocks_refused);

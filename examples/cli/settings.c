@@ -9,19 +9,28 @@ const char settings_help[] =
     "    --depth-scale N            depth units a metre (5000 TUM, 1000 millimetres); overrides rig.txt\n"
     "    --intrinsics FX,FY,CX,CY   pixels; overrides calibration.txt\n"
     "    --translation on|off       inertial translation (default on)\n"
-    "    --refine-rig on|off        refine the IMU's mounting rotation and clock offset while scanning (default off)\n"
+    "    --refine-rig on|off        refine the IMU's mounting rotation and clock offset while scanning "
+    "(default off)\n"
     "    --against model|previous   align with the ray-cast surface (default) or with the frame before\n"
-    "    --prior seed|information   what inertia does for the alignment: where to start (the paper's way; an\n"
+    "    --prior seed|information   what inertia does for the alignment: where to start (the paper's way; "
+    "an\n"
     "                               ill-conditioned one is rejected), or also its information (default)\n"
-    "    --start inertia|previous   where alignment starts: at the inertial estimate (default), or at the frame\n"
+    "    --start inertia|previous   where alignment starts: at the inertial estimate (default), or at the "
+    "frame\n"
     "                               before's pose, as it does where there is no inertial navigation\n"
     "    --iterations A,B,C         most iterations at the coarsest..finest level, each 0..100\n"
+    "    --preset tiny|small|large  settings for a board: maps up to 160, 320 (default), 640 wide; voxels of "
+    "20,\n"
+    "                               10, 8 mm; at most 64, 128, 256 MB. Options for one of these win\n"
     "    --voxel M                  voxel size, metres (default 0.01; 0.003 where a fifth of the first\n"
     "                               frame lies within half a metre)\n"
     "    --memory MB                most memory, host and device together (default 128; MB is 2^20)\n"
+    "    --when-full stop|drop      what happens when that memory holds no more surface: it stops growing\n"
+    "                               (default), or what was seen longest ago goes\n"
     "    --size WxH                 alignment resolution: the depth size over a whole number\n"
     "    --threads N                threads of the OpenCL device, where it lets them be set (PoCL)\n"
-    "    --device NAME              part of an OpenCL platform's or device's name, or cpu, or gpu\n";
+    "    --device NAME              part of an OpenCL platform's or device's name, or cpu, or gpu\n"
+    "    --kernels FILE             built kernels, as `fathom kernels` wrote them, instead of a compiler\n";
 
 void settings_start(struct settings *settings) {
     *settings = (struct settings){.config = fathom_config_default()};
@@ -75,6 +84,22 @@ static bool set_iterations(const char *option, const char *text, fathom_config *
     return sum > 0;
 }
 
+/* What was given by an option of its own stays. */
+static bool set_preset(const char *option, const char *text, struct settings *settings) {
+    static const char *const names[] = {"tiny", "small", "large"};
+    for (int i = 0; i < 3; i++) {
+        if (strcmp(text, names[i]) != 0) continue;
+        const fathom_config c = fathom_config_preset((fathom_preset)i);
+        settings->config.align_most = c.align_most;
+        if (settings->memory == 0) settings->config.memory_cap_bytes = c.memory_cap_bytes;
+        if (settings->voxel == 0) settings->config.voxel_m = c.voxel_m;
+        settings->preset = true;
+        return true;
+    }
+    cli_error(CLI_USAGE, "%s: '%s' is none of tiny, small, large", option, text);
+    return false;
+}
+
 int settings_take(struct settings *settings, struct options *options) {
     enum key {
         DEPTH_SCALE,
@@ -87,15 +112,18 @@ int settings_take(struct settings *settings, struct options *options) {
         ITERATIONS,
         VOXEL,
         MEMORY,
+        PRESET,
+        WHEN_FULL,
         SIZE,
         THREADS,
         DEVICE,
+        KERNELS,
         KEYS
     };
     static const char *const names[KEYS] = {"--depth-scale", "--intrinsics", "--translation", "--refine-rig",
                                             "--against",     "--prior",      "--start",       "--iterations",
-                                            "--voxel",       "--memory",     "--size",        "--threads",
-                                            "--device"};
+                                            "--voxel",       "--memory",     "--preset",      "--when-full",
+                                            "--size",        "--threads",    "--device",      "--kernels"};
     fathom_config *config = &settings->config;
     int key = 0;
     while (key < KEYS && strcmp(names[key], options->name) != 0) key++;
@@ -151,10 +179,18 @@ int settings_take(struct settings *settings, struct options *options) {
     case MEMORY:
         good = cli_parse_double(name, value, 1, 1 << 20, &number);
         config->memory_cap_bytes = (int64_t)(number * (1 << 20));
+        settings->memory = number;
+        break;
+    case PRESET: good = set_preset(name, value, settings); break;
+    case WHEN_FULL:
+        choice = take_choice(name, value, "stop", "drop");
+        good = choice >= 0;
+        config->when_full = choice == 1 ? FATHOM_FULL_DROP : FATHOM_FULL_STOP;
         break;
     case SIZE: good = parse_size(name, value, 8, 4096, &config->align_width, &config->align_height); break;
     case THREADS: good = set_threads(name, value); break;
     case DEVICE: config->device = value; break;
+    case KERNELS: config->kernel_file = value; break;
     case KEYS: break;
     }
     return good ? 1 : -1;

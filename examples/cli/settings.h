@@ -12,6 +12,8 @@ struct settings {
     double depth_scale;   /* 0: not given */
     double intrinsics[4]; /* all 0: not given */
     double voxel;         /* 0: not given */
+    double memory;        /* MB; 0: not given */
+    bool preset;          /* given */
 };
 
 void settings_start(struct settings *settings);

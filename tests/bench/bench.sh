@@ -1,9 +1,11 @@
 #!/bin/sh
-# Times fathom beside Open3D's dense SLAM on the same frames in the same run: sh tests/bench/bench.sh BUILD [options]
-# Options are bench.py's (--quick, --pairs N, --frames N, --minutes N ...; --help lists them). The table goes to stdout,
-# all figures to out/bench.json. It is not a test: however slow, it exits 0; 1 only when nothing could be measured.
+# Times fathom beside Open3D (dense SLAM; fusion alone) and OpenCV (odometry alone) on the same frames in the same run, and
+# its kernels beside the machine's limit: sh tests/bench/bench.sh BUILD [options]
+# Options are bench.py's (--quick, --pairs N, --frames N, --minutes N ...; --help lists them). The tables go to stdout, all
+# figures to out/bench.json, and with --results into docs/SPEED.md. It is not a test: however slow, it exits 0; 1 only when
+# nothing could be measured.
 # Open3D lives in a Python environment of its own, BUILD/bench-venv, made once. Where it can't be had, the reason is
-# said and fathom is timed alone.
+# said and fathom is timed without it. OpenCV's program is built by make where its rgbd module is installed.
 set -u
 
 [ $# -ge 1 ] || { echo "usage: sh tests/bench/bench.sh BUILD [options]" >&2; exit 2; }
@@ -11,14 +13,16 @@ build=$(cd "$1" 2>/dev/null && pwd) || { echo "bench: $1: no such build folder; 
 shift
 here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/../.." || exit 1
-[ -x "$build/fathom" ] || { echo "bench: $build/fathom isn't built; run make first" >&2; exit 2; }
+[ -x "$build/fathom" ] && [ -x "$build/tests/bench/limit" ] ||
+    { echo "bench: $build/fathom or $build/tests/bench/limit isn't built; run make all bench-tools" >&2; exit 2; }
+[ -x "$build/tests/bench/odometry" ] || echo "bench: no OpenCV with its rgbd module: FastICPOdometry is left out" >&2
 command -v python3 >/dev/null || { echo "bench: python3 is missing; run make deps" >&2; exit 1; }
 
 venv=$build/bench-venv
 log=$build/bench-venv.log
 libraries="libusb-1.0-0 libgl1 libgomp1 libx11-6" # what Open3D's wheel loads and a bare Debian may lack
 
-without() { echo "bench: $*: fathom is timed alone" >&2; }
+without() { echo "bench: $*: Open3D is left out" >&2; }
 
 loads() { "$venv/bin/python" -c 'import open3d' >>"$log" 2>&1; }
 

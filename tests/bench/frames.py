@@ -40,5 +40,9 @@ def first(folder, count, build):
     return short
 
 
+def count(folder):
+    return len(lines(os.path.join(folder, "depth.txt")))
+
+
 def available(folder):
-    return min(MOST, len(lines(os.path.join(folder, "depth.txt"))))
+    return min(MOST, count(folder))

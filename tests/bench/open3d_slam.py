@@ -16,6 +16,8 @@ import os
 import sys
 import time
 
+import heap
+
 STAGES = ("track", "fuse", "raycast")
 
 
@@ -67,7 +69,7 @@ def load(o3d, np, options):
 
 
 def run(o3d, np, images, intrinsics, scale, options):
-    """Poses (camera to world), milliseconds of each stage and of the whole step, frame by frame."""
+    """Poses (camera to world), milliseconds of each stage and of the whole step, and heap calls, frame by frame."""
     cpu = o3d.core.Device("CPU:0")
     slam = o3d.t.pipelines.slam
     matrix = o3d.core.Tensor(intrinsics)
@@ -78,7 +80,9 @@ def run(o3d, np, images, intrinsics, scale, options):
     scan.set_data("color", o3d.core.Tensor(np.zeros((0, 0, 3), np.uint8)))  # no pixels: Open3D then fuses depth alone
     ms = {name: [] for name in STAGES + ("total",)}
     poses, lost = [], None
+    calls = heap.Calls()
     for i, image in enumerate(images):
+        calls.start()
         start = time.perf_counter()
         scan.set_data_from_image("depth", image)
         if i > 0:
@@ -94,10 +98,11 @@ def run(o3d, np, images, intrinsics, scale, options):
         fused = time.perf_counter()
         model.synthesize_model_frame(cast, scale, options.depth_min, options.depth_max)
         end = time.perf_counter()
+        calls.end()
         for name, seconds in zip(ms, (tracked - start, fused - tracked, end - fused, end - start)):
             ms[name].append(1e3 * seconds)
         poses.append(pose.numpy().copy())
-    return poses, ms, lost
+    return poses, ms, lost, calls.frames
 
 
 def ate(np, stamps, poses, folder):
@@ -124,9 +129,9 @@ def main():
     o3d.utility.set_verbosity_level(o3d.utility.VerbosityLevel.Error)
     stamps, images, intrinsics = load(o3d, np, options)
     held_mb = sum(image.rows * image.columns for image in images) * 2 / 2 ** 20
-    poses, ms, lost = run(o3d, np, images, intrinsics, depth_scale(options.folder), options)
+    poses, ms, lost, calls = run(o3d, np, images, intrinsics, depth_scale(options.folder), options)
     with open(options.out, "w", encoding="utf-8") as file:
-        json.dump({"version": o3d.__version__, "frames": len(poses), "lost": lost, "ms": ms,
+        json.dump({"version": o3d.__version__, "frames": len(poses), "lost": lost, "ms": ms, "heap": calls,
                    "held_mb": held_mb, "ate_rmse_m": ate(np, stamps, poses, options.folder)},
                   file)
 

@@ -39,7 +39,7 @@ Real-time 3D Surface Reconstruction", Eurographics 2014. Four ways are compared:
 
 ATE is the root mean square of the distances to the reference positions after the best rigid alignment, over all frames,
 dead-reckoned ones included. "Tracked" counts frames that alignment was trusted on. Results don't depend on the number of
-threads; times are not measured here (`make bench` does that).
+threads; times are not measured here (`make bench` does that: [SPEED.md](SPEED.md)).
 """
 KITCHEN = """
 "kitchen" is the first 500 frames of 7-Scenes RedKitchen (a real hand-held Kinect) with IMU samples simulated from the

@@ -93,7 +93,7 @@ static void judge_in_place(fathom *f, const pose *at, const double covariance[36
     comparison k;
     const double sigma = sqrt(covariance[35]), reach = fmax(c->pair_distance_m, 3 * sigma);
     memset(icp, 0, sizeof *icp);
-    volume_raycast_near(&f->volume, &f->device, &f->maps, at, (float)reach, &f->aligner.model[FINEST]);
+    volume_raycast_near(&f->volume, &f->device, &f->maps, at, (float)reach, true, &f->aligner.model[FINEST]);
     align_reduce(&f->aligner, &f->device, &f->maps, FINEST, &here, &f->aligner.model[FINEST], camera, reach,
                  c->huber_m, centre, &e);
     icp->motion = *at;
@@ -184,13 +184,6 @@ static bool sure(const struct run *run, int64_t stamp_ns) {
     return pose_distance(&off) <= run->within && DEGREES * pose_angle(&off) <= 70 * run->within;
 }
 
-/* What fathom_step does with a tracked frame when it isn't paused. */
-static void fuse(fathom *f) {
-    volume_allocate(&f->volume, &f->device, &f->maps, &f->pose);
-    volume_fuse(&f->volume, &f->device, &f->maps, &f->pose);
-    device_wait(&f->device);
-}
-
 static int track(struct run *run, uint16_t *depth) {
     const fathom_recording *recording = run->recording;
     fathom *f = run->playback.scan;
@@ -223,7 +216,7 @@ static int track(struct run *run, uint16_t *depth) {
             run->sure++;
             if (run->frames % run->each == 0) candidates(run, i, &scan, &r);
         }
-        fuse(f);
+        fuse(f, &f->pose, &r);
     }
     fprintf(stderr, "frames=%d tracked=%d sure=%d\n", run->frames, run->tracked, run->sure);
     return f->device.error != FATHOM_OK;

@@ -1,0 +1,111 @@
+/* Times fusion alone: the first frames of a recording go into the surface at the poses of groundtruth.txt, every block of
+ * every frame. Stdout: one JSON object, milliseconds frame by frame: maps, allocate, fuse.
+ * Usage: fusion FOLDER [--frames N] [options of fathom replay that are settings: --size, --voxel, --threads, ...]
+ * Works on the library's insides: fathom_step fuses at its own poses, and not every block each time. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "../../examples/cli/cli.h"
+#include "../../examples/cli/playback.h"
+#include "context.h"
+
+enum { MAPS, ALLOCATE, FUSE, STAGES };
+
+static double now_ms(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
+}
+
+static bool pose_at(const fathom_recording *recording, int64_t stamp_ns, pose *at) {
+    fathom_recording_pose p;
+    if (fathom_recording_pose_at(recording, stamp_ns, &p) != FATHOM_OK) return false;
+    const double *q = p.quaternion, half = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
+    double twist[6] = {0};
+    for (int i = 0; i < 3 && half > 0; i++) twist[i] = 2 * atan2(half, q[3]) * q[i] / half;
+    *at = pose_exp(twist);
+    memcpy(at->t, p.position, sizeof at->t);
+    return true;
+}
+
+static void fuse_frame(fathom *f, const uint16_t *depth, const pose *at, double ms[STAGES]) {
+    double start = now_ms();
+    depth_maps_make(&f->maps, &f->device, depth, FINEST);
+    device_wait(&f->device);
+    double made = now_ms();
+    if (volume_request(&f->volume, &f->device, &f->maps, at) > 0) volume_allocate(&f->volume, &f->device);
+    device_wait(&f->device);
+    double allocated = now_ms();
+    volume_fuse(&f->volume, &f->device, &f->maps, at, false);
+    device_wait(&f->device);
+    ms[MAPS] = made - start;
+    ms[ALLOCATE] = allocated - made;
+    ms[FUSE] = now_ms() - allocated;
+}
+
+static void print(const char *name, double (*ms)[STAGES], int stage, int frames) {
+    printf("\"%s\": [", name);
+    for (int i = 0; i < frames; i++) printf("%s%.4f", i ? ", " : "", ms[i][stage]);
+    printf("], ");
+}
+
+static int run(fathom *f, const fathom_recording *recording, int frames, uint16_t *depth,
+               double (*ms)[STAGES]) {
+    int done = 0;
+    for (int i = 0; i < frames; i++) {
+        pose at;
+        if (!pose_at(recording, recording->frames[i].timestamp_ns, &at)) continue;
+        const int error = fathom_recording_read_depth(recording, i, depth);
+        if (error) return cli_error(CLI_FAILED, "fusion: frame %d: %s", i, fathom_error_name(error));
+        fuse_frame(f, depth, &at, ms[done++]);
+    }
+    if (f->device.error) return cli_error(CLI_FAILED, "fusion: the device failed");
+    if (!done) return cli_error(CLI_FAILED, "fusion: %s: no poses", recording->folder);
+    putchar('{');
+    print("maps", ms, MAPS, done);
+    print("allocate", ms, ALLOCATE, done);
+    print("fuse", ms, FUSE, done);
+    printf("\"frames\": %d, \"blocks\": %d, \"full\": %s, \"arena_mb\": %.1f}\n", done, f->volume.count,
+           f->volume.refused ? "true" : "false", (double)f->arena_bytes / (1 << 20));
+    return CLI_DONE;
+}
+
+int main(int argc, char **argv) {
+    struct cli_log log = {0};
+    struct settings settings;
+    struct playback playback = {0};
+    fathom_recording *recording = NULL;
+    struct options options = {.count = argc, .arguments = argv, .at = 1};
+    const char *folder = NULL;
+    long frames = 100000;
+    settings_start(&settings);
+    while (options_next(&options)) {
+        const int taken = settings_take(&settings, &options);
+        if (taken > 0) continue;
+        const char *value = taken ? NULL : options.name[0] ? options_value(&options) : options.value;
+        if (!value) return CLI_USAGE;
+        if (!options.name[0])
+            folder = value;
+        else if (strcmp(options.name, "--frames"))
+            return cli_error(CLI_USAGE, "fusion: wrong option %s", options.name);
+        else if (!cli_parse_long(options.name, value, 1, 100000, &frames))
+            return CLI_USAGE;
+    }
+    if (!folder) return cli_error(CLI_USAGE, "usage: fusion FOLDER [--frames N] [settings]");
+    int status = playback_open(&recording, folder, NULL, &settings, &log);
+    if (!status) status = playback_start(&playback, recording, 1, &settings.config, &log);
+    if (!status) {
+        if (frames > recording->frame_count) frames = recording->frame_count;
+        uint16_t *depth = malloc((size_t)recording->width * (size_t)recording->height * sizeof *depth);
+        double(*ms)[STAGES] = malloc((size_t)frames * sizeof *ms);
+        status = depth && ms ? run(playback.scan, recording, (int)frames, depth, ms) : CLI_FAILED;
+        free(depth);
+        free(ms);
+    }
+    playback_stop(&playback);
+    fathom_recording_close(recording);
+    return status;
+}

@@ -1,0 +1,159 @@
+#include "stage_work.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LINE 64 /* bytes that memory is moved in */
+
+bool work_start(work_state *w, const fathom *f) {
+    memset(w, 0, sizeof *w);
+    w->voxel_bytes = f->volume.voxels.size;
+    w->voxels = malloc(w->voxel_bytes);
+    w->lines = malloc(w->voxel_bytes / LINE / 8 + 1);
+    return w->voxels && w->lines;
+}
+
+void work_stop(work_state *w) {
+    free(w->voxels);
+    free(w->lines);
+}
+
+void work_before_fusion(work_state *w, fathom *f) {
+    const void *voxels = device_map(&f->device, &f->volume.voxels, CL_MAP_READ);
+    if (voxels) memcpy(w->voxels, voxels, (size_t)f->volume.count * BLOCK_BYTES);
+    device_unmap(&f->device, &f->volume.voxels, (void *)(uintptr_t)voxels);
+}
+
+static double valid_pixels(fathom *f, int level) {
+    const kernel_camera *c = &f->maps.camera[level];
+    const float *depth = device_map(&f->device, &f->maps.depth[level], CL_MAP_READ);
+    int valid = 0;
+    for (int y = 0; depth && y < c->height; y++)
+        for (int x = 0; x < c->width; x++) valid += depth[(y + PAD_Y) * c->pitch + x + PAD_X] > 0;
+    device_unmap(&f->device, &f->maps.depth[level], (void *)(uintptr_t)depth);
+    return valid;
+}
+
+/* The pairs, and the pixels where scan and model both have a surface, of the reduction that has ended. */
+static void pairs_of(fathom *f, int rows, double *pairs, double *overlap) {
+    const float *sums = device_map(&f->device, &f->aligner.sums, CL_MAP_READ);
+    *pairs = *overlap = 0;
+    for (int y = 0; sums && y < rows; y++) {
+        *pairs += sums[y * SUMS + 33];
+        *overlap += sums[y * SUMS + 34];
+    }
+    device_unmap(&f->device, &f->aligner.sums, (void *)(uintptr_t)sums);
+}
+
+static void fused(work_state *w, fathom *f, double *blocks, double *voxels) {
+    const uint8_t *now = device_map(&f->device, &f->volume.voxels, CL_MAP_READ);
+    *blocks = *voxels = 0;
+    for (int i = 0; now && i < f->volume.count; i++) {
+        const uint8_t *a = now + (size_t)i * BLOCK_BYTES, *b = w->voxels + (size_t)i * BLOCK_BYTES;
+        if (memcmp(a, b, BLOCK_BYTES) == 0) continue;
+        const uint16_t *p = (const uint16_t *)(const void *)a, *q = (const uint16_t *)(const void *)b;
+        ++*blocks;
+        for (int k = 0; k < BLOCK_VOXELS; k++)
+            *voxels += p[k] != q[k] || p[BLOCK_VOXELS + k] != q[BLOCK_VOXELS + k];
+    }
+    device_unmap(&f->device, &f->volume.voxels, (void *)(uintptr_t)now);
+}
+
+/* The place of a block, or -1. */
+static int place_of(const cl_int4 *table, cl_uint mask, int x, int y, int z) {
+    cl_uint h = ((cl_uint)x * 73856093u) ^ ((cl_uint)y * 19349669u) ^ ((cl_uint)z * 83492791u);
+    h = (h ^ (h >> 15)) & mask;
+    while (table[h].w >= 0 && (table[h].x != x || table[h].y != y || table[h].z != z)) h = (h + 1) & mask;
+    return table[h].w;
+}
+
+double work_cast_voxels(work_state *w, fathom *f) {
+    const kernel_camera *c = &f->maps.camera[FINEST];
+    const kernel_surface *s = &f->volume.surface;
+    const cl_float4 *model = device_map(&f->device, &f->aligner.model[FINEST], CL_MAP_READ);
+    const cl_int4 *table = device_map(&f->device, &f->volume.table, CL_MAP_READ);
+    double count = 0;
+    memset(w->lines, 0, w->voxel_bytes / LINE / 8 + 1);
+    for (int i = 0; model && table && i < c->width * c->height; i++) {
+        double z = model[i].w,
+               p[3] = {(i % c->width - c->cx) / c->fx * z, (i / c->width - c->cy) / c->fy * z, z};
+        int at[3];
+        if (z <= 0) continue;
+        for (int k = 0; k < 3; k++) {
+            const double *r = f->reference.r + 3 * k;
+            at[k] = (int)floor((r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + f->reference.t[k]) / s->voxel);
+        }
+        for (int corner = 0; corner < 8; corner++) {
+            int x = at[0] + (corner & 1), y = at[1] + (corner >> 1 & 1), v = at[2] + (corner >> 2);
+            int place = place_of(table, s->mask, x >> 3, y >> 3, v >> 3);
+            if (place < 0) continue;
+            size_t byte = (size_t)place * BLOCK_BYTES + 2 * (size_t)(((v & 7) * 8 + (y & 7)) * 8 + (x & 7));
+            size_t line = byte / LINE;
+            count += !(w->lines[line / 8] >> (line % 8) & 1);
+            w->lines[line / 8] |= (uint8_t)(1 << (line % 8));
+        }
+    }
+    device_unmap(&f->device, &f->volume.table, (void *)(uintptr_t)table);
+    device_unmap(&f->device, &f->aligner.model[FINEST], (void *)(uintptr_t)model);
+    return LINE * count;
+}
+
+/* The level whose maps have that many rows. */
+static int level_of(const fathom *f, size_t rows) {
+    for (int i = 0; i < FATHOM_LEVELS; i++)
+        if ((size_t)f->maps.camera[i].height == rows) return i;
+    return FINEST;
+}
+
+bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_t rows, stage_work *work) {
+    const depth_maps *m = &f->maps;
+    const int level = level_of(f, rows);
+    const double raw = (double)m->source.width * m->source.height;
+    const double finest = (double)m->camera[FINEST].width * m->camera[FINEST].height;
+    const double pixels = (double)m->camera[level].width * m->camera[level].height;
+    *work = (stage_work){0};
+    if (!strcmp(kernel, "convert_depth")) { /* a raw pixel: convert, scale, nearest, compare, sum, count */
+        *work = (stage_work){2 * raw, 4 * pixels, 6 * raw + 4 * pixels};
+    } else if (
+        !strcmp(kernel,
+                "smooth_depth")) { /* 25 neighbours: five of the weight, its two factors, choice, two sums */
+        *work = (stage_work){4 * pixels, 4 * pixels, 25 * 10 * valid_pixels(f, level)};
+    } else if (!strcmp(kernel, "halve_depth")) {
+        *work = (stage_work){16 * pixels, 4 * pixels, 20 * pixels};
+    } else if (!strcmp(kernel, "normal_map")) {
+        *work = (stage_work){4 * pixels, 16 * pixels, 60 * valid_pixels(f, level)};
+    } else if (!strcmp(kernel, "pack_map")) {
+        *work = (stage_work){16 * pixels, 16 * pixels, 0};
+    } else if (!strcmp(kernel, "halve_map")) {
+        *work = (stage_work){64 * pixels, 16 * pixels, 30 * pixels};
+    } else if (!strcmp(kernel, "align_reduce")) {
+        /* the sums alone: 21 + 6 of the row, the weighted row 6, the cross product 6, residual, weights and moments 12 */
+        double pairs, overlap;
+        pairs_of(f, (int)rows, &pairs, &overlap);
+        *work = (stage_work){4 * pixels + 16 * valid_pixels(f, level) + 16 * overlap,
+                             4.0 * SUMS * (double)rows, 51 * pairs};
+    } else if (!strcmp(kernel, "raycast_near")) {
+        /* one step: the point 6, a cube 8, interpolation and gradient 21, the step 8; the normal turned 20 */
+        *work =
+            (stage_work){4 * pixels, 16 * pixels, 63 * valid_pixels(f, FINEST)}; /* and work_cast_voxels */
+    } else if (!strcmp(kernel, "request_blocks")) {
+        /* a block's table entry, once; a third of a block apart, rays of some 20 and 12 for each of two blocks */
+        const kernel_camera *c = &m->camera[FINEST];
+        double apart = c->fx * f->volume.surface.voxel * BLOCK_EDGE / (3 * 2.0);
+        apart = fmin(fmax(apart, 1), 4);
+        *work = (stage_work){4 * finest + 16 * w->fused_blocks, 8 * (double)columns,
+                             44 * valid_pixels(f, FINEST) / (apart * apart)};
+    } else if (!strcmp(kernel, "clear_blocks")) {
+        *work = (stage_work){0, (double)BLOCK_BYTES * (double)columns, 0};
+    } else if (!strcmp(kernel, "fuse_blocks")) {
+        /* a voxel: projection 8, bounds and pixel 8, distances 12, weight 9, mean 5, to and from 16 bits 8 */
+        double voxels;
+        fused(w, f, &w->fused_blocks, &voxels);
+        *work = (stage_work){BLOCK_BYTES * w->fused_blocks + 16 * finest + 16.0 * f->volume.count,
+                             BLOCK_BYTES * w->fused_blocks, 50 * voxels + 20.0 * f->volume.count};
+    } else {
+        return false;
+    }
+    return true;
+}

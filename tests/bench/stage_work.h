@@ -1,0 +1,32 @@
+/* The bytes and operations that a kernel must at least move and do for the frame at hand, counted from the data. */
+#ifndef FATHOM_BENCH_STAGE_WORK_H
+#define FATHOM_BENCH_STAGE_WORK_H
+
+#include "context.h"
+
+/* Operations are those of one lane of the vector unit; a fused multiply-add is one. */
+typedef struct {
+    double read, written, operations;
+} stage_work;
+
+/* What a frame's launches need to know of each other. */
+typedef struct {
+    uint8_t *voxels; /* a copy of the pool from before fusion */
+    size_t voxel_bytes;
+    uint8_t *lines;      /* a bit for each 64 bytes of the pool */
+    double fused_blocks; /* of the last fusion */
+} work_state;
+
+bool work_start(work_state *w, const fathom *f);
+void work_stop(work_state *w);
+
+/* Before fuse_blocks: keeps the pool. */
+void work_before_fusion(work_state *w, fathom *f);
+
+/* The work of a launch that has ended; false for kernels that aren't counted. columns, rows: its global size. */
+bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_t rows, stage_work *work);
+
+/* Bytes of the pool that a ray-cast of the model map that is there needs (lines of 64 bytes about the points met). */
+double work_cast_voxels(work_state *w, fathom *f);
+
+#endif
