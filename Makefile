@@ -5,7 +5,14 @@ BUILD    ?= build
 PREFIX   ?= /usr/local
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
-                  libpng-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
+                  libpng-dev libopenni2-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
+
+# Drivers that stand on a library can be left out: make WITH_OPENNI2=0.
+WITH_OPENNI2 ?= 1
+WITH_HIDAPI  ?= 0
+WITH_LIBUSB  ?= 0
+WITH_LIBIIO  ?= 0
+WITH_UDP     ?= 0
 
 VERSION_MAJOR := $(shell sed -n 's/.define FATHOM_VERSION_MAJOR *//p' lib/fathom.h)
 VERSION_MINOR := $(shell sed -n 's/.define FATHOM_VERSION_MINOR *//p' lib/fathom.h)
@@ -27,13 +34,16 @@ ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 
 KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard lib/*.c lib/*.cpp)) $(BUILD)/kernels.o
-DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard drivers/*.c))
+DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/openni2_%.c)
+DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$(WITH_$(w)))
+DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(wildcard drivers/*.c)))
 CHECK_OBJ   = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/reference*.c tests/kernel_checks*.c))
 CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard examples/cli/*.c examples/cli/*.cpp)) $(CHECK_OBJ)
 LIB_SO      = $(BUILD)/libfathom.so.$(VERSION)
 DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm
-DRIVERS_LIBS = $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
+DRIVERS_PACKAGES = libpng $(if $(filter 1,$(WITH_OPENNI2)),libopenni2)
+DRIVERS_LIBS = $(shell pkg-config --libs $(DRIVERS_PACKAGES) 2>/dev/null) -lpthread -lm
 
 # make V=1 shows the commands whole.
 Q = $(if $(V),,@)
@@ -46,7 +56,7 @@ all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)
 
 .PHONY: deps-check
 deps-check:
-	@pkg-config --exists eigen3 libpng OpenCL 2>/dev/null || { echo "make: eigen3, libpng or OpenCL is missing: run 'make deps' first" >&2; exit 1; }
+	@pkg-config --exists eigen3 OpenCL $(DRIVERS_PACKAGES) 2>/dev/null || { echo "make: one of eigen3 OpenCL $(DRIVERS_PACKAGES) is missing: run 'make deps' first" >&2; exit 1; }
 
 $(BUILD)/%.c.o: %.c Makefile
 	@mkdir -p $(@D)
@@ -57,6 +67,17 @@ $(BUILD)/%.cpp.o: %.cpp Makefile
 	@mkdir -p $(@D)
 	$(call say,CXX)
 	$(Q)$(CXX) $(CPPFLAGS) $(ALL_CXXFLAGS) -c $< -o $@
+
+# The table of drivers is made anew when another set of them is built.
+$(BUILD)/drivers/source.c.o: ALL_CFLAGS += $(DRIVERS_WITH)
+$(BUILD)/drivers/source.c.o: $(BUILD)/drivers/with
+$(BUILD)/drivers/with: FORCE
+	@mkdir -p $(@D)
+	@echo '$(DRIVERS_WITH)' | cmp -s - $@ || echo '$(DRIVERS_WITH)' >$@
+.PHONY: FORCE
+FORCE:
+
+$(BUILD)/drivers/openni2_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 
 # The kernels' text, one C string a file, so that nothing has to be installed beside the library.
 $(BUILD)/kernels.c: $(KERNELS) lib/embed.sh

@@ -176,6 +176,16 @@ typedef enum {
 /* "stopped", "running", ... Never NULL. */
 FATHOM_API const char *fathom_source_state_name(fathom_source_state state);
 
+/* A driver that there could be. */
+typedef struct {
+    const char *name; /* as in uris */
+    const char *what; /* in words */
+    bool built;       /* this build has it */
+} fathom_source_driver_info;
+
+/* The drivers by number, from 0; false: there is no such number. Any thread. */
+FATHOM_API bool fathom_source_driver(int index, fathom_source_driver_info *info);
+
 /* A device that a driver sees, or what keeps a driver from seeing any. */
 typedef struct {
     const char *driver; /* "folder", "openni2", "hid", "usb", "iio", "udp" */
@@ -197,6 +207,7 @@ FATHOM_API int fathom_sources_enumerate(const char *driver, fathom_source_found 
 
 /* How to open a source. All zero is usable. */
 typedef struct {
+    unsigned kinds;              /* what is wanted of it: FATHOM_SOURCE_DEPTH, ... Only that is gathered; 0: all it has */
     bool reconnect;              /* look for the same device again when it was unplugged */
     int width, height;           /* depth: pixels wanted; 0: 640x480, or the nearest there is */
     double rate_hz;              /* frames or samples a second wanted; 0: the driver's usual */

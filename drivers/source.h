@@ -9,11 +9,12 @@ typedef struct {
     const char *name;
     /* Calls found for each device, or once with kinds 0 to say what is missing. Returns the devices seen, or an error. */
     int (*enumerate)(fathom_source_found found, void *user, fathom_log log, void *log_user);
-    /* address: the uri after "name:". */
+    /* address: the uri after "name:". options: checked, and without zeros in kinds and capacities. */
     int (*open)(fathom_source **source, const char *address, const fathom_source_options *options);
 } source_driver;
 
-/* What an open source does; fathom_source_* calls these after checking arguments. */
+/* What an open source does; fathom_source_* calls these after checking arguments. stop may find it stopped; it is called
+ * before close. */
 typedef struct {
     int (*start)(fathom_source *source);
     int (*stop)(fathom_source *source);
