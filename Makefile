@@ -8,7 +8,7 @@ DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev openc
                   libpng-dev libopenni2-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
 
 # Drivers that stand on a library can be left out: make WITH_OPENNI2=0.
-WITH_OPENNI2 ?= 1
+WITH_OPENNI2 ?= 0
 WITH_HIDAPI  ?= 0
 WITH_LIBUSB  ?= 0
 WITH_LIBIIO  ?= 0

@@ -26,20 +26,25 @@ static int window_at(const clock_map *map, int i) {
     return (map->first + i) % CLOCK_MAP_WINDOWS;
 }
 
-/* Least squares through the windows, drawn to zero by what is known of crystals. */
+/* The median slope between windows half of them apart (Theil 1950, thinned out), so that a few windows without
+ * a fast arrival don't matter, drawn to zero by what is known of crystals. */
 static double fit_slope(const clock_map *map) {
-    double mean_at = 0, mean_offset = 0, square = 0, product = 0;
-    for (int i = 0; i < map->count; i++) {
-        mean_at += map->fastest[window_at(map, i)].at / map->count;
-        mean_offset += map->fastest[window_at(map, i)].offset / map->count;
+    double slopes[CLOCK_MAP_WINDOWS / 2], apart_s = 0;
+    const int half = (map->count + 1) / 2, pairs = map->count - half;
+    for (int i = 0; i < pairs; i++) {
+        const int from = window_at(map, i), to = window_at(map, i + half);
+        const double seconds = map->fastest[to].at - map->fastest[from].at;
+        const double slope = (map->fastest[to].offset - map->fastest[from].offset) / seconds;
+        int at = i;
+        for (; at > 0 && slopes[at - 1] > slope; at--) slopes[at] = slopes[at - 1];
+        slopes[at] = slope;
+        apart_s += seconds;
     }
-    for (int i = 0; i < map->count; i++) {
-        const double at = map->fastest[window_at(map, i)].at - mean_at;
-        square += at * at;
-        product += at * (map->fastest[window_at(map, i)].offset - mean_offset);
-    }
-    const double prior = DELAY_SIGMA_S / DRIFT_SIGMA;
-    return fmin(fmax(product / (square + prior * prior), -MOST_DRIFT), MOST_DRIFT);
+    if (pairs == 0) return 0;
+    const double median = (slopes[(pairs - 1) / 2] + slopes[pairs / 2]) / 2,
+                 prior_s = DELAY_SIGMA_S / DRIFT_SIGMA;
+    const double known = apart_s * apart_s / pairs; /* s^2: what the pairs weigh together */
+    return fmin(fmax(median * known / (known + prior_s * prior_s), -MOST_DRIFT), MOST_DRIFT);
 }
 
 /* The offset at the newest stamp by the line of that slope that no recent arrival lies under. */
@@ -73,6 +78,7 @@ static void begin(clock_map *map, int64_t device_ns, int64_t arrival_ns) {
 static bool next_window(clock_map *map, double at, double offset) {
     map->late_windows = map->least_delay > LATE_S ? map->late_windows + 1 : 0;
     if (map->late_windows >= LATE_WINDOWS) return true;
+    map->slope = fit_slope(map);
     if (map->count == CLOCK_MAP_WINDOWS)
         map->first = (map->first + 1) % CLOCK_MAP_WINDOWS;
     else
@@ -89,6 +95,7 @@ static bool learn(clock_map *map, double at, double arrival) {
     const double offset = arrival - at, expected = map->offset + map->slope * (at - map->at);
     const double delay = offset - expected;
     if (at < map->at - BACK_LEAP_S || delay < -EARLY_LEAP_S) return false;
+    if (at <= map->at) return true; /* tells nothing new */
     if (at >= map->window_end && next_window(map, at, offset)) return false;
     if (delay < map->least_delay) {
         const int newest = window_at(map, map->count - 1);
@@ -96,11 +103,9 @@ static bool learn(clock_map *map, double at, double arrival) {
         map->fastest[newest].at = at;
         map->fastest[newest].offset = offset;
     }
-    if (at <= map->at) return true;
     const double passed = at - map->at;
     const double most = (at < SETTLE_S ? APPROACH_EARLY : APPROACH) * passed;
     map->at = at;
-    map->slope = fit_slope(map);
     const double wrong = fit_offset(map, map->slope) - expected;
     map->offset = expected + fmin(fmax(wrong, -most), most);
     return true;
@@ -124,7 +129,7 @@ int64_t clock_map_stamp(clock_map *map, int64_t device_ns, int64_t arrival_ns) {
 int64_t clock_map_at(const clock_map *map, int64_t device_ns) {
     const int64_t passed_ns = (int64_t)((uint64_t)device_ns - (uint64_t)map->device_zero_ns);
     const double offset = map->offset + map->slope * (1e-9 * (double)passed_ns - map->at);
-    return map->host_zero_ns + passed_ns + (int64_t)llrint(1e9 * offset);
+    return (int64_t)((uint64_t)map->host_zero_ns + (uint64_t)passed_ns + (uint64_t)llrint(1e9 * offset));
 }
 
 double clock_map_offset_s(const clock_map *map) {

@@ -2,7 +2,7 @@
  * A device's clock against the host's monotonic one, from the pairs of a device stamp and the time at which it
  * arrived. What lies between the two is the clocks' offset and a delay that is never negative, so the offset
  * follows the fastest arrivals (a minimum-delay filter, as in the Network Time Protocol's clock filter), and
- * the drift is the slope of these over half a minute.
+ * the drift is their slope over half a minute.
  *
  * The part of the delay that is always there can't be seen; a driver that knows it takes it off the stamps.
  */
