@@ -5,14 +5,14 @@ BUILD    ?= build
 PREFIX   ?= /usr/local
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
-                  libpng-dev libopenni2-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
+                  libpng-dev libopenni2-dev libhidapi-dev libusb-1.0-0-dev libiio-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
 
 # Drivers that stand on a library can be left out: make WITH_OPENNI2=0.
 WITH_OPENNI2 ?= 0
-WITH_HIDAPI  ?= 0
-WITH_LIBUSB  ?= 0
-WITH_LIBIIO  ?= 0
-WITH_UDP     ?= 0
+WITH_HIDAPI  ?= 1
+WITH_LIBUSB  ?= 1
+WITH_LIBIIO  ?= 1
+WITH_UDP     ?= 1
 
 VERSION_MAJOR := $(shell sed -n 's/.define FATHOM_VERSION_MAJOR *//p' lib/fathom.h)
 VERSION_MINOR := $(shell sed -n 's/.define FATHOM_VERSION_MINOR *//p' lib/fathom.h)
@@ -34,7 +34,9 @@ ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 
 KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard lib/*.c lib/*.cpp)) $(BUILD)/kernels.o
-DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/openni2_%.c)
+DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/openni2_%.c) $(if $(filter 1,$(WITH_HIDAPI)),,drivers/hid_source.c) \
+              $(if $(filter 1,$(WITH_LIBUSB)),,drivers/usb_source.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/iio_source.c) \
+              $(if $(filter 1,$(WITH_UDP)),,drivers/udp_source.c)
 DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$(WITH_$(w)))
 DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(wildcard drivers/*.c)))
 CHECK_OBJ   = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/reference*.c tests/kernel_checks*.c))
@@ -42,7 +44,8 @@ CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard examples/cli/*.c examples/cli
 LIB_SO      = $(BUILD)/libfathom.so.$(VERSION)
 DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm
-DRIVERS_PACKAGES = libpng $(if $(filter 1,$(WITH_OPENNI2)),libopenni2)
+DRIVERS_PACKAGES = libpng $(if $(filter 1,$(WITH_OPENNI2)),libopenni2) $(if $(filter 1,$(WITH_HIDAPI)),hidapi-hidraw) \
+                   $(if $(filter 1,$(WITH_LIBUSB)),libusb-1.0) $(if $(filter 1,$(WITH_LIBIIO)),libiio)
 DRIVERS_LIBS = $(shell pkg-config --libs $(DRIVERS_PACKAGES) 2>/dev/null) -lpthread -lm
 
 # make V=1 shows the commands whole.
@@ -77,6 +80,8 @@ $(BUILD)/drivers/with: FORCE
 .PHONY: FORCE
 FORCE:
 
+$(BUILD)/drivers/hid_source.c.o: CPPFLAGS += $(shell pkg-config --cflags hidapi-hidraw 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/drivers/usb_source.c.o: CPPFLAGS += $(shell pkg-config --cflags libusb-1.0 2>/dev/null | sed 's/-I/-isystem /g')
 $(BUILD)/drivers/openni2_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 
 # The kernels' text, one C string a file, so that nothing has to be installed beside the library.
