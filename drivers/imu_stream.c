@@ -57,10 +57,7 @@ static bool host_stamps(imu_stream *s, const imu_reading *r, imu_stream_last *la
         pthread_mutex_lock(&s->lock);
         if (r->has_gyro || s->accel_only || !s->timed) clock_map_stamp(&s->clock, device_ns, arrival_ns);
         s->timed = true;
-        for (int i = 0; i < n; i++) {
-            stamps[i] = clock_map_at(&s->clock, stamps[i]);
-            if (stamps[i] > arrival_ns) stamps[i] = arrival_ns;
-        }
+        for (int i = 0; i < n; i++) stamps[i] = clock_map_at(&s->clock, stamps[i]);
         pthread_mutex_unlock(&s->lock);
         last->device_ns = device_ns;
     } else {

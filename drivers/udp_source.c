@@ -103,7 +103,9 @@ static bool split(const char *what, char host[128], char port[16]) {
     if (!end || *colon != ':' || end - what - bracket >= 128 || strlen(colon + 1) >= 16) return false;
     snprintf(host, 128, "%.*s", (int)(end - what - bracket), what + bracket);
     snprintf(port, 16, "%s", colon + 1);
-    return *host && *port;
+    char *rest;
+    const long number = strtol(port, &rest, 10);
+    return *host && *port && !*rest && number > 0 && number < 65536; /* getaddrinfo takes larger ones modulo 65536 */
 }
 
 /* ---- opening ---- */
