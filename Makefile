@@ -5,7 +5,7 @@ BUILD    ?= build
 PREFIX   ?= /usr/local
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
-                  libpng-dev libopenni2-dev libhidapi-dev libusb-1.0-0-dev libiio-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
+                  libpng-dev libopenni2-dev libhidapi-dev libusb-1.0-0-dev libiio-dev libcmocka-dev clang libclang-rt-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
 
 # Drivers that stand on a library can be left out: make WITH_OPENNI2=0.
 WITH_OPENNI2 ?= 0
@@ -125,6 +125,8 @@ help:
 	@echo "make deps       install the Debian packages that are missing"
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
+	@echo "make fuzz       the parsers of device data under libFuzzer, ten minutes each (FUZZ_SECONDS=)"
+	@echo "make check-vm   the drivers against the kernel's HID and USB in a virtual machine"
 	@echo "make bench      speed beside other systems, as ratios in one run"
 	@echo "make reproduce  the paper's claims as experiments, into docs/RESULTS.md (SECTIONS=a,d: only these)"
 	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
@@ -172,6 +174,18 @@ uninstall:
 
 clean:
 	rm -rf build out
+
+# Each fuzzer for ten minutes (FUZZ_SECONDS=); corpora stay in $(BUILD)/fuzz.
+.PHONY: fuzz
+FUZZ_SECONDS ?= 600
+fuzz: deps
+	sh tests/fuzz/run.sh $(BUILD) $(FUZZ_SECONDS)
+
+# The drivers against the kernel's own HID and USB stacks, in a virtual machine.
+.PHONY: check-vm
+check-vm: deps
+	@$(MAKE) --no-print-directory all
+	sh tests/vm/check.sh $(BUILD)
 
 # ---- tests ----------------------------------------------------------------------------------------------------------
 # tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.

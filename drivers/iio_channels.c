@@ -16,7 +16,7 @@ bool iio_format_parse(const char *text, iio_format *format) {
     if (strcmp(order, "be") && strcmp(order, "le")) return false;
     if (sign != 's' && sign != 'u') return false;
     if (storage != 8 && storage != 16 && storage != 32 && storage != 64) return false;
-    if (bits == 0 || bits + shift > storage) return false;
+    if (bits == 0 || bits > storage || shift > storage - bits) return false;
     *format = (iio_format){order[0] == 'b', sign == 's', bits, storage, shift};
     return true;
 }

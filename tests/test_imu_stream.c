@@ -201,7 +201,7 @@ static void iio_formats(void **state) {
     assert_true(iio_format_parse("le:u8/8", &f));
     assert_int_equal(iio_value(&f, bytes + 3), 0xF8);
     static const char *const wrong[] = {"",           "le",           "xx:s16/16>>0",  "le:q16/16>>0", "le:s17/16>>0",
-                                        "le:s0/16>>0", "le:s12/16>>5", "le:s16/24>>0", "le:s16/16X2>>0", "le:s16/16>>"};
+                                        "le:s0/16>>0", "be:s-1/16>>4", "le:s16/16>>-1", "le:s12/16>>5", "le:s16/24>>0", "le:s16/16X2>>0", "le:s16/16>>"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
         if (iio_format_parse(wrong[i], &f)) fail_msg("'%s' was taken", wrong[i]);
 }
