@@ -183,8 +183,10 @@ fuzz: deps
 
 # The drivers against the kernel's own HID and USB stacks, in a virtual machine.
 .PHONY: check-vm
-check-vm: deps
-	@$(MAKE) --no-print-directory all
+VM_PACKAGES = qemu-system-x86 busybox-static cpio kmod xz-utils
+check-vm:
+	@$(MAKE) --no-print-directory deps DEBIAN_PACKAGES='$(DEBIAN_PACKAGES) $(VM_PACKAGES)'
+	@$(MAKE) --no-print-directory all $(BUILD)/tests/vm/vm_drivers
 	sh tests/vm/check.sh $(BUILD)
 
 # ---- tests ----------------------------------------------------------------------------------------------------------
@@ -197,6 +199,11 @@ CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
 $(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $< $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
+
+VM_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/vm/*.c))
+$(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # What make reproduce measures with beside the fathom command.
 $(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a

@@ -410,6 +410,10 @@ static void end(imu_source *base) {
 static void shut(imu_source *base) {
     usb_source *s = (usb_source *)base;
     if (s->context && s->handle) cancel_all(s);
+    for (int i = 0; i < TRANSFERS; i++) { /* they hold on to the device, and so to the context */
+        libusb_free_transfer(s->slots[i].transfer);
+        s->slots[i].transfer = NULL;
+    }
     if (s->handle && s->interface >= 0) libusb_release_interface(s->handle, s->interface);
     if (s->handle) libusb_close(s->handle);
     if (s->context) libusb_exit(s->context);
@@ -418,13 +422,8 @@ static void shut(imu_source *base) {
     s->interface = -1;
 }
 
-static void free_slots(imu_source *base) {
-    usb_source *s = (usb_source *)base;
-    for (int i = 0; i < TRANSFERS; i++) libusb_free_transfer(s->slots[i].transfer);
-}
-
 static const imu_device device = {
-    .open = find_and_open, .begin = begin, .poll = poll_device, .end = end, .shut = shut, .free = free_slots};
+    .open = find_and_open, .begin = begin, .poll = poll_device, .end = end, .shut = shut};
 
 /* ---- the driver ---- */
 
