@@ -244,6 +244,18 @@ static void set_rate(iio_part *part, double rate) {
         }
 }
 
+/* libiio has the kernel wake a reader only when the whole buffer is full. */
+static void wake_at_each_sample(iio_part *part) {
+    if (iio_device_buffer_attr_write(part->device, "enable", "0") < 0) return;
+    if (iio_device_buffer_attr_write(part->device, "watermark", "1") < 0) {
+        /* an old kernel: samples come late, but with their stamps */
+    }
+    if (iio_device_buffer_attr_write(part->device, "enable", "1") < 0) {
+        iio_buffer_destroy(part->buffer);
+        part->buffer = NULL;
+    }
+}
+
 static int begin_part(iio_source *s, iio_part *part) {
     const fathom_source_options *o = &s->base.base.options;
     const double rate = o->rate_hz > 0 ? o->rate_hz : USUAL_HZ;
@@ -253,6 +265,7 @@ static int begin_part(iio_source *s, iio_part *part) {
         for (int i = 0; i < 3 && part->triple[kind].there; i++) iio_channel_enable(part->triple[kind].axis[i]);
     if (part->time) iio_channel_enable(part->time);
     part->buffer = iio_device_create_buffer(part->device, BUFFER_SAMPLES, false);
+    if (part->buffer) wake_at_each_sample(part);
     if (part->buffer && !iio_buffer_set_blocking_mode(part->buffer, false)) return FATHOM_OK;
     const int error = errno == EBUSY                      ? FATHOM_ERROR_BUSY
                       : errno == EACCES || errno == EPERM ? FATHOM_ERROR_PERMISSION
@@ -309,12 +322,22 @@ static int take_buffer(iio_source *s, iio_part *part) {
     return FATHOM_OK;
 }
 
+/* The kernel doesn't wake those who poll a buffer whose device has gone. */
+static bool are_there(const iio_source *s) {
+    char path[64];
+    for (int i = 0; i < s->part_count; i++) {
+        snprintf(path, sizeof path, "/dev/%.40s", iio_device_get_id(s->parts[i].device));
+        if (access(path, F_OK)) return false;
+    }
+    return true;
+}
+
 static int poll_buffers(imu_source *base) {
     iio_source *s = (iio_source *)base;
     struct pollfd waiting[2];
     for (int i = 0; i < s->part_count; i++)
         waiting[i] = (struct pollfd){.fd = iio_buffer_get_poll_fd(s->parts[i].buffer), .events = POLLIN};
-    if (poll(waiting, (nfds_t)s->part_count, IMU_SOURCE_SLICE_MS) <= 0) return FATHOM_ERROR_TIMEOUT;
+    if (poll(waiting, (nfds_t)s->part_count, IMU_SOURCE_SLICE_MS) <= 0) return are_there(s) ? FATHOM_ERROR_TIMEOUT : FATHOM_ERROR_UNPLUGGED;
     for (int i = 0; i < s->part_count; i++) {
         if (!waiting[i].revents) continue;
         const int result = take_buffer(s, &s->parts[i]);

@@ -591,6 +591,22 @@ static void iio_through_the_sensor_hub(void **state) {
     virtual_hid_unplug(&sensor);
     assert_int_equal(gather(source, MOST, 5), FATHOM_ERROR_UNPLUGGED);
     fathom_source_close(source);
+
+    /* and back again */
+    assert_int_equal(virtual_hid_plug(&sensor, &kind), 0);
+    sensor.rate_hz = 400;
+    assert_int_equal(look_for("iio", "iio:", 2, NULL), 2);
+    source = open_it("iio:gyro_3d+accel_3d", true);
+    gather(source, 50, 10);
+    virtual_hid_unplug(&sensor);
+    assert_true(reaches(source, FATHOM_SOURCE_UNPLUGGED, 5));
+    assert_int_equal(virtual_hid_plug(&sensor, &kind), 0);
+    sensor.rate_hz = 400;
+    assert_true(reaches(source, FATHOM_SOURCE_RUNNING, 10));
+    gather(source, MOST, 0.2);
+    gather(source, 50, 10);
+    assert_int_equal(sample_count, 50);
+    fathom_source_close(source);
 }
 
 int main(int argc, char **argv) {
