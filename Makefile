@@ -8,7 +8,7 @@ DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev openc
                   libpng-dev libopenni2-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
 
 # Drivers that stand on a library can be left out: make WITH_OPENNI2=0.
-WITH_OPENNI2 ?= 0
+WITH_OPENNI2 ?= 1
 WITH_HIDAPI  ?= 0
 WITH_LIBUSB  ?= 0
 WITH_LIBIIO  ?= 0
@@ -171,13 +171,23 @@ clean:
 # ---- tests ----------------------------------------------------------------------------------------------------------
 # tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
 
-TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(sort $(wildcard tests/test_*.c)))
+TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,tests/test_openni2.c)
+TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(TESTS_OUT),$(sort $(wildcard tests/test_*.c))))
 SUPPORT_OBJ = $(filter-out $(CHECK_OBJ),$(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c))))
 CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
 
 $(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $< $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
+
+# Virtual cameras for test_openni2, as a driver that libOpenNI2 loads.
+VIRTUAL_DEPTH = $(BUILD)/tests/openni2/libVirtualDepth.so.0
+$(BUILD)/tests/openni2/%.cpp.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/tests/test_openni2.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
+$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(DRIVERS_A) $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -shared -o $@ $^ $(ALL_LDFLAGS) $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
+$(BUILD)/tests/test_openni2: | $(VIRTUAL_DEPTH)
 
 # What make reproduce measures with beside the fathom command.
 $(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
