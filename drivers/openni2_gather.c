@@ -165,6 +165,7 @@ static bool wait_for_return(openni2_source *s) {
     source_warn(&s->base.options, "openni2: %s was unplugged; it is looked for", s->device.name);
     while (source_queue_sleep_until(&s->queue, monotonic_now_ns() + SEARCH_NS))
         if (find_again(s)) {
+            clock_map_restart(&s->clock);
             s->last_index = 0;
             s->has_color = false;
             source_queue_replugged(&s->queue);
@@ -186,7 +187,7 @@ static void take_live(openni2_source *s, const OniFrame *frame, int64_t arrival_
     }
 }
 
-void *openni2_gather_live(void *user) {
+void openni2_gather_live(void *user) {
     openni2_source *s = user;
     int silent = 0;
     bool go_on = true;
@@ -207,7 +208,6 @@ void *openni2_gather_live(void *user) {
             silent = 0;
         }
     }
-    return NULL;
 }
 
 /* ---- a recording ---- */
@@ -232,7 +232,7 @@ static void end_file(openni2_source *s, int read) {
     source_queue_end(&s->queue, FATHOM_ERROR_PROTOCOL);
 }
 
-void *openni2_gather_file(void *user) {
+void openni2_gather_file(void *user) {
     openni2_source *s = user;
     const int64_t start_ns = monotonic_now_ns();
     int64_t first_ns = 0;
@@ -242,7 +242,7 @@ void *openni2_gather_file(void *user) {
         OniFrame *frame;
         int64_t arrival_ns;
         char why[128];
-        if (!source_queue_is_running(&s->queue)) return NULL;
+        if (!source_queue_is_running(&s->queue)) return;
         const OniStatus status = next_frame(s, &frame, &arrival_ns);
         silent = status == ONI_STATUS_OK ? 0 : silent + 1;
         if (status != ONI_STATUS_OK) {
@@ -266,5 +266,4 @@ void *openni2_gather_file(void *user) {
         oniFrameRelease(frame);
     }
     if (go_on) end_file(s, read);
-    return NULL;
 }

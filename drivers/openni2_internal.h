@@ -27,6 +27,15 @@ void openni2_release(void);
 void openni2_lock(void);
 void openni2_unlock(void);
 
+/* A thread that runs job(user), taken from those that have done theirs, or new; NULL: none could be made. Threads
+ * that have waited for frames may not end: libOpenNI2 2.2 remembers each of them and asks by pthread_kill(thread, 0)
+ * whether it still lives, which crashes when it doesn't. */
+typedef struct openni2_worker openni2_worker;
+openni2_worker *openni2_hire(void (*job)(void *user), void *user);
+
+/* Waits until the job has returned. */
+void openni2_dismiss(openni2_worker *worker);
+
 /* libOpenNI2's last words on this thread, as one line. */
 const char *openni2_words(char *text, size_t size);
 
@@ -94,12 +103,11 @@ void openni2_copy_color(const OniFrame *frame, bool mirrored, uint8_t *color);
 typedef struct {
     fathom_source base;
     openni2_wish wish;
-    openni2_device device;                 /* the thread's while there is one */
+    openni2_device device;                 /* the worker's while there is one */
     char name[96], serial[64];             /* of the device */
     double intrinsics[4], units_per_metre; /* as first opened */
     source_queue queue;
-    pthread_t thread;
-    bool threaded;
+    openni2_worker *worker; /* NULL: stopped */
     OniCallbackHandle watch;
     pthread_mutex_t watch_lock;
     char watched[ONI_MAX_STR]; /* the open device's uri, under watch_lock; "": none */
@@ -119,7 +127,7 @@ int openni2_start_streams(openni2_source *source, char *why, size_t size);
 void openni2_watch(openni2_source *source, const char *uri);
 
 /* user: an openni2_source whose streams have been started. */
-void *openni2_gather_live(void *user);
-void *openni2_gather_file(void *user);
+void openni2_gather_live(void *user);
+void openni2_gather_file(void *user);
 
 #endif

@@ -1,4 +1,5 @@
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "openni2_internal.h"
@@ -51,4 +52,70 @@ void openni2_release(void) {
     openni2_lock();
     if (--holders == 0) oniShutdown();
     openni2_unlock();
+}
+
+/* ---- threads ---- */
+
+struct openni2_worker {
+    openni2_worker *next; /* of all there are */
+    pthread_cond_t changed;
+    void (*job)(void *user); /* NULL: nothing to do */
+    void *user;
+    bool hired;
+};
+
+static pthread_mutex_t office = PTHREAD_MUTEX_INITIALIZER;
+static openni2_worker *workers; /* under `office`, as all that is in them */
+
+static void *work(void *user) {
+    openni2_worker *w = user;
+    pthread_mutex_lock(&office);
+    for (;;) {
+        while (!w->job) pthread_cond_wait(&w->changed, &office);
+        pthread_mutex_unlock(&office);
+        w->job(w->user);
+        pthread_mutex_lock(&office);
+        w->job = NULL;
+        pthread_cond_broadcast(&w->changed);
+    }
+    return NULL;
+}
+
+/* With `office` held. */
+static openni2_worker *train(void) {
+    pthread_t thread;
+    openni2_worker *w = calloc(1, sizeof *w);
+    if (!w) return NULL;
+    pthread_cond_init(&w->changed, NULL);
+    if (pthread_create(&thread, NULL, work, w)) {
+        pthread_cond_destroy(&w->changed);
+        free(w);
+        return NULL;
+    }
+    pthread_detach(thread);
+    w->next = workers;
+    workers = w;
+    return w;
+}
+
+openni2_worker *openni2_hire(void (*job)(void *user), void *user) {
+    pthread_mutex_lock(&office);
+    openni2_worker *w = workers;
+    while (w && w->hired) w = w->next;
+    if (!w) w = train();
+    if (w) {
+        w->hired = true;
+        w->job = job;
+        w->user = user;
+        pthread_cond_broadcast(&w->changed);
+    }
+    pthread_mutex_unlock(&office);
+    return w;
+}
+
+void openni2_dismiss(openni2_worker *w) {
+    pthread_mutex_lock(&office);
+    while (w->job) pthread_cond_wait(&w->changed, &office);
+    w->hired = false;
+    pthread_mutex_unlock(&office);
 }

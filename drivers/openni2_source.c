@@ -129,7 +129,7 @@ static int openni2_start(fathom_source *source) {
     openni2_device *d = &s->device;
     char why[320];
     int result = FATHOM_OK;
-    if (s->threaded) return source_fail(&source->options, FATHOM_ERROR_ARGUMENT, "openni2: started already");
+    if (s->worker) return source_fail(&source->options, FATHOM_ERROR_ARGUMENT, "openni2: started already");
     if (!d->device) result = openni2_device_open(d, &s->wish, why, sizeof why);
     if (!result && (d->mode.resolutionX != s->queue.slots[0].frame.depth.width ||
                     d->mode.resolutionY != s->queue.slots[0].frame.depth.height)) {
@@ -138,17 +138,18 @@ static int openni2_start(fathom_source *source) {
     }
     if (!result) {
         openni2_watch(s, d->uri);
+        clock_map_restart(&s->clock);
         s->last_index = 0;
         s->has_color = false;
         result = openni2_start_streams(s, why, sizeof why);
     }
     if (result) return source_fail(&source->options, result, "openni2: %s: %s", d->name, why);
     source_queue_start(&s->queue);
-    if (pthread_create(&s->thread, NULL, d->is_file ? openni2_gather_file : openni2_gather_live, s)) {
+    s->worker = openni2_hire(d->is_file ? openni2_gather_file : openni2_gather_live, s);
+    if (!s->worker) {
         source_queue_stop(&s->queue);
         return source_fail(&source->options, FATHOM_ERROR_MEMORY, "openni2: no thread could be made");
     }
-    s->threaded = true;
     return FATHOM_OK;
 }
 
@@ -156,9 +157,9 @@ static int openni2_stop(fathom_source *source) {
     openni2_source *s = (openni2_source *)source;
     openni2_device *d = &s->device;
     source_queue_stop(&s->queue);
-    if (!s->threaded) return FATHOM_OK;
-    pthread_join(s->thread, NULL);
-    s->threaded = false;
+    if (!s->worker) return FATHOM_OK;
+    openni2_dismiss(s->worker);
+    s->worker = NULL;
     openni2_watch(s, NULL);
     if (d->depth) oniStreamStop(d->depth);
     if (d->color) oniStreamStop(d->color);

@@ -396,7 +396,7 @@ static void frames_without_sense_are_left_out(void **state) {
         check_pixels(&frame, 1);
         assert_int_equal(status_of(source).state, FATHOM_SOURCE_RUNNING);
         fathom_source_close(source);
-        assert_int_equal(log_warnings, 3); /* bounded */
+        if (log_warnings != 3) fail_msg("%s: %s", ways[i], log_text); /* bounded */
         assert_non_null(strstr(log_text, "a frame is left out: it"));
     }
 }
@@ -553,7 +553,7 @@ static void copy_part(const char *from, const char *to, long bytes) {
     fclose(out);
 }
 
-/* However much is missing: the frames before, then an error that says so, or none at all and an error at opening. */
+/* The recorder leaves the latter half of its file unused. However much is missing of the other: the frames before, then an error that says so, or none at all and an error at opening. */
 static void a_recording_that_was_cut(void **state) {
     (void)state;
     struct stat is;
@@ -562,14 +562,15 @@ static void a_recording_that_was_cut(void **state) {
         fathom_source *source = NULL;
         const fathom_source_options options = {.log = keep_log};
         int ended = FATHOM_OK;
-        copy_part("scan.oni", "cut.oni", is.st_size * tenths / 10 + 20);
+        copy_part("scan.oni", "cut.oni", is.st_size / 2 * tenths / 10 + 20);
         *log_text = 0;
         log_errors = 0;
         const int result = fathom_source_open(&source, "openni2:cut.oni", &options);
         if (result == FATHOM_OK) {
             assert_int_equal(fathom_source_start(source), FATHOM_OK);
             const int frames = play(source, &ended);
-            assert_true(frames < recorded);
+            if (frames >= recorded)
+                fail_msg("%d frames of %d in %d tenths: %s", frames, recorded, tenths, log_text);
             assert_int_equal(ended, FATHOM_ERROR_PROTOCOL);
             assert_non_null(strstr(log_text, "cut.oni: the recording breaks off"));
         } else {
