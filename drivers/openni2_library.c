@@ -5,7 +5,8 @@
 #include "openni2_internal.h"
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
-static int holders; /* under the lock */
+static bool started; /* under the lock, as all of these */
+static int holders;
 
 void openni2_lock(void) {
     pthread_mutex_lock(&lock);
@@ -30,27 +31,37 @@ const char *openni2_words(char *text, size_t size) {
     return text;
 }
 
+/* Before the drivers are unloaded, their threads must have ended. */
+static void shut_down(void) {
+    openni2_lock();
+    if (started && holders == 0) oniShutdown();
+    started = false;
+    openni2_unlock();
+}
+
 int openni2_hold(char *why, size_t size) {
     char words[256];
-    int result = FATHOM_OK;
     openni2_lock();
-    if (holders == 0 && oniInitialize(ONI_API_VERSION) != ONI_STATUS_OK) {
+    if (!started && oniInitialize(ONI_API_VERSION) == ONI_STATUS_OK) {
+        started = true;
+        atexit(shut_down);
+    }
+    if (started)
+        holders++;
+    else
         snprintf(why, size,
                  "libOpenNI2 can't start: %s; its drivers belong in the folder OpenNI2/Drivers beside "
                  "libOpenNI2.so "
                  "(Debian: package libopenni2-0)",
                  openni2_words(words, sizeof words));
-        result = FATHOM_ERROR_NO_DEVICE;
-    } else {
-        holders++;
-    }
+    const bool held = started;
     openni2_unlock();
-    return result;
+    return held ? FATHOM_OK : FATHOM_ERROR_NO_DEVICE;
 }
 
 void openni2_release(void) {
     openni2_lock();
-    if (--holders == 0) oniShutdown();
+    holders--;
     openni2_unlock();
 }
 

@@ -266,7 +266,7 @@ static int open_file(openni2_source *s, const char *address) {
     struct stat status;
     if (strlen(address) >= sizeof d->uri)
         return source_fail(&s->base.options, FATHOM_ERROR_ARGUMENT, "openni2: the path is too long");
-    snprintf(d->uri, sizeof d->uri, "%s", address);
+    snprintf(d->uri, sizeof d->uri, "%.255s", address);
     snprintf(d->name, sizeof d->name, "%.*s", (int)sizeof d->name - 1, address);
     d->is_file = true;
     if (stat(address, &status)) return source_fail(&s->base.options, FATHOM_ERROR_NO_DATA, "%s: %m", address);

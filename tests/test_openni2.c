@@ -24,6 +24,7 @@
 #define FRAMES 5
 
 static char folder[256];
+static char home[4096]; /* where the test was started */
 static char log_text[8192];
 static int log_errors, log_warnings;
 static pthread_mutex_t log_lock = PTHREAD_MUTEX_INITIALIZER;
@@ -78,7 +79,7 @@ static int make_recording(void **state) {
     (void)state;
     char error[256];
     uint16_t pixels[WIDTH * HEIGHT];
-    if (chdir(folder)) return -1; /* nothing may depend on the present folder */
+    if (!getcwd(home, sizeof home) || chdir(folder)) return -1; /* nothing may depend on the present folder */
     mkdir("depth", 0700);
     FILE *list = fopen("depth.txt", "w");
     if (!list) return -1;
@@ -98,7 +99,7 @@ static int remove_recording(void **state) {
     (void)state;
     char command[300];
     snprintf(command, sizeof command, "rm -rf '%s'", folder);
-    return system(command);
+    return chdir(home) || system(command) ? -1 : 0;
 }
 
 /* ---- help ---- */
@@ -654,6 +655,9 @@ static void what_is_on_the_usb_is_explained(void **state) {
 
 /* ---- a private libOpenNI2 ---- */
 
+/* Of the leak sanitizer, where the program is built with it. */
+void __lsan_do_leak_check(void) __attribute__((weak));
+
 /* libOpenNI2 looks for drivers only beside itself. In a folder of our own it finds the virtual cameras and the player
  * of recordings and nothing else; the program is started once more with that folder first in line. */
 static int start_again(char **arguments) {
@@ -712,5 +716,7 @@ int main(int count, char **arguments) {
         cmocka_unit_test(what_is_on_the_usb_is_explained),
     };
     if (count > 1) cmocka_set_test_filter(arguments[1]);
-    return cmocka_run_group_tests_name("openni2", tests, make_recording, remove_recording);
+    const int failed = cmocka_run_group_tests_name("openni2", tests, make_recording, remove_recording);
+    if (__lsan_do_leak_check) __lsan_do_leak_check(); /* while the drivers are loaded, and have names */
+    return failed;
 }
