@@ -74,7 +74,7 @@ rm -f t.txt m.ply s.csv
 "$fathom" scan --depth rig --speed 0.3 --trajectory t.txt --mesh m.ply --stats s.csv >out 2>err &
 scanning=$!
 tries=0
-while [ "$(lines s.csv 2>/dev/null || echo 0)" -lt 6 ] && [ $tries -lt 200 ]; do sleep 0.05 && tries=$((tries + 1)); done
+while [ "$(cat s.csv 2>/dev/null | wc -l)" -lt 6 ] && [ $tries -lt 200 ]; do sleep 0.05 && tries=$((tries + 1)); done
 kill -TERM $scanning # a background job of a script ignores INT
 wait $scanning
 status=$?
