@@ -115,8 +115,12 @@ static double since(int64_t ns, int64_t zero_ns) {
     return 1e-9 * (double)(int64_t)((uint64_t)ns - (uint64_t)zero_ns);
 }
 
+void clock_map_restart(clock_map *map) {
+    map->restart = map->started;
+}
+
 int64_t clock_map_stamp(clock_map *map, int64_t device_ns, int64_t arrival_ns) {
-    if (!map->started ||
+    if (!map->started || map->restart ||
         !learn(map, since(device_ns, map->device_zero_ns), since(arrival_ns, map->host_zero_ns)))
         begin(map, device_ns, arrival_ns);
     int64_t stamp_ns = clock_map_at(map, device_ns);

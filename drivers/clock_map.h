@@ -15,7 +15,7 @@
 #define CLOCK_MAP_WINDOWS 64
 
 typedef struct {
-    bool started;
+    bool started, restart;
     int64_t device_zero_ns, host_zero_ns; /* the first pair; everything else counts from there */
     double at, offset;                    /* seconds: the newest device stamp, and what is added to it */
     double slope;                         /* of the offset, seconds a second */
@@ -32,6 +32,9 @@ typedef struct {
 
 /* Forgets everything. A map of zeros is started. */
 void clock_map_reset(clock_map *map);
+
+/* The device was opened anew, and its clock may have been set: the next pair begins a new line. */
+void clock_map_restart(clock_map *map);
 
 /* The pair of a stamp and its arrival; the stamp on the host's clock. Stamps given here increase, however the
  * device's behave, and don't lie after the arrival unless they must in order to increase. When the line is

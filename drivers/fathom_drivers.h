@@ -114,6 +114,11 @@ FATHOM_API void fathom_recording_close(fathom_recording *recording);
  * offset, and gravity when rig.txt has it. The rest stays. */
 FATHOM_API void fathom_recording_configure(const fathom_recording *recording, fathom_config *config);
 
+/* The same from a folder that describes a live rig: rig.txt's mounting, clock offset and gravity, and calibration.txt's
+ * intrinsics for frames of *config's size; at least one of the files must be there. rig.txt's depth_scale is the
+ * recording's, and isn't taken. The errors of fathom_recording_open; log may be NULL. */
+FATHOM_API int fathom_rig_configure(const char *folder, fathom_config *config, fathom_log log, void *log_user);
+
 /* Reads depth frame number index (0..frame_count-1) into width*height pixels, row by row.
  * FATHOM_ERROR_NO_DATA when the file is missing, cut short or damaged; FATHOM_ERROR_SIZE when it has another
  * size than the first frame; FATHOM_ERROR_ARGUMENT. After an error the pixels are undefined. */
@@ -138,8 +143,8 @@ FATHOM_API int fathom_recording_pose_at(const fathom_recording *recording, int64
  *             fathom_step(scan, &frame.depth, &result);
  *     fathom_source_close(camera);
  *
- * Stamps are on the host's monotonic clock (CLOCK_MONOTONIC), except for the folder driver's, which are the
- * recording's. A driver whose device has a clock of its own maps it and tracks its drift.
+ * Stamps are on the host's monotonic clock (CLOCK_MONOTONIC), except for recordings' (folder, .oni), which are their
+ * own. A driver whose device has a clock of its own maps it and tracks its drift.
  *
  * One thread uses a source; fathom_source_cancel and fathom_source_status may be called from any other (cancel
  * from a signal handler too). Opening and starting take memory from the heap; waiting and reading don't.

@@ -19,7 +19,7 @@ typedef struct {
     bool threaded; /* there is a thread to join */
     bool opened;   /* what goes wrong from now on concerns a frame, not the source */
     unsigned kinds;
-    int64_t zero_ns, start_ns; /* the recording's first event, and when it was played */
+    int64_t zero_ns, start_ns; /* the recording's first event, of either kind, and when it was played */
 } folder_source;
 
 /* ---- the feeding thread ---- */
@@ -88,7 +88,7 @@ static int folder_start(fathom_source *source) {
     if (s->threaded) return source_fail(&s->base.options, FATHOM_ERROR_ARGUMENT, "folder: started already");
     const int first = first_sample(s);
     s->zero_ns = s->recording->frames[0].timestamp_ns;
-    if ((s->kinds & FATHOM_SOURCE_IMU) && first < s->recording->imu_count && imu_ns(s, first) < s->zero_ns)
+    if (first < s->recording->imu_count && imu_ns(s, first) < s->zero_ns)
         s->zero_ns = imu_ns(s, first);
     s->start_ns = monotonic_now_ns();
     source_queue_start(&s->queue);

@@ -19,7 +19,7 @@
 #include "source_log.h"
 
 #define UDEV_FIX                                                                                                       \
-    "install drivers/udev/60-fathom-imu.rules into /etc/udev/rules.d ('make install' does; then 'udevadm control "     \
+    "XX
     "--reload') and plug the device in again"
 #define SENSOR_HUB "/sys/bus/hid/drivers/hid-sensor-hub"
 #define USUAL_INTERVAL_S 0.005 /* asked of HID sensors when options name no rate */

@@ -17,7 +17,10 @@ static inline int64_t monotonic_deadline_ns(int timeout_ms) {
 }
 
 static inline struct timespec monotonic_timespec(int64_t ns) {
-    return (struct timespec){.tv_sec = (time_t)(ns / 1000000000), .tv_nsec = (long)(ns % 1000000000)};
+    struct timespec time;
+    time.tv_sec = (time_t)(ns / 1000000000);
+    time.tv_nsec = (long)(ns % 1000000000);
+    return time;
 }
 
 #endif

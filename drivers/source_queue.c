@@ -250,6 +250,13 @@ void source_queue_count_malformed(source_queue *q, int64_t number) {
     pthread_mutex_unlock(&q->lock);
 }
 
+void source_queue_set_clock(source_queue *q, double offset_s, double drift_ppm) {
+    pthread_mutex_lock(&q->lock);
+    q->counts.clock_offset_s = offset_s;
+    q->counts.clock_drift_ppm = drift_ppm;
+    pthread_mutex_unlock(&q->lock);
+}
+
 /* ---- the reader ---- */
 
 /* FATHOM_ERROR_TIMEOUT: nothing to tell yet. */
@@ -339,5 +346,7 @@ void source_queue_status(source_queue *q, fathom_source_status *status) {
     status->unplugged = c->unplugged;
     status->reconnects = c->reconnects;
     status->stalls = c->stalls;
+    status->clock_offset_s = c->clock_offset_s;
+    status->clock_drift_ppm = c->clock_drift_ppm;
     pthread_mutex_unlock(&q->lock);
 }

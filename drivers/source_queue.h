@@ -97,6 +97,9 @@ void source_queue_replugged(source_queue *queue);
 void source_queue_count_lost(source_queue *queue, int64_t number);
 void source_queue_count_malformed(source_queue *queue, int64_t number);
 
+/* What the status says of the device's clock (clock_map_offset_s, clock_map_drift_ppm). */
+void source_queue_set_clock(source_queue *queue, double offset_s, double drift_ppm);
+
 /* ---- the reader ---- */
 
 /* As fathom_source_wait, _cancel, _read_depth, _read_imu. */

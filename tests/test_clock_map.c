@@ -144,6 +144,17 @@ static void a_clock_that_is_reset_is_followed(void **state) {
     }
 }
 
+static void a_device_that_was_opened_anew(void **state) {
+    (void)state;
+    clock_map map = {0};
+    device d = {.ahead_s = 0, .ppm = 0};
+    run(&map, &d, 200, 1, 1.03, 1);
+    clock_map_restart(&map);
+    d.ahead_s = -1; /* again from where it was a second ago */
+    const outcome o = run(&map, &d, 200, 2, 4, 2.5);
+    assert_true(o.worst_s < 3e-4);
+}
+
 /* Goes back by less than shows at once, or stands still: the arrivals all get late. */
 static void a_clock_that_stood_still_is_found(void **state) {
     (void)state;
@@ -228,6 +239,7 @@ int main(void) {
         cmocka_unit_test_setup(the_first_arrivals_may_be_late, setup),
         cmocka_unit_test_setup(a_burst_after_a_pause_of_the_reader, setup),
         cmocka_unit_test_setup(a_clock_that_is_reset_is_followed, setup),
+        cmocka_unit_test_setup(a_device_that_was_opened_anew, setup),
         cmocka_unit_test_setup(a_clock_that_stood_still_is_found, setup),
         cmocka_unit_test_setup(stamps_are_never_in_the_future, setup),
         cmocka_unit_test_setup(extreme_stamps_are_survived, setup),
