@@ -18,9 +18,6 @@
 #include "monotonic.h"
 #include "source_log.h"
 
-#define UDEV_FIX                                                                                                       \
-    "XX
-    "--reload') and plug the device in again"
 #define SENSOR_HUB "/sys/bus/hid/drivers/hid-sensor-hub"
 #define USUAL_INTERVAL_S 0.005 /* asked of HID sensors when options name no rate */
 #define QUEUED_NS 200000       /* a read that comes back sooner may have found a report that had waited */
@@ -102,7 +99,7 @@ static int try_access(const char *path, char *problem, size_t size) {
     }
     switch (errno) {
     case EACCES:
-    case EPERM: snprintf(problem, size, "no permission for %s: %s", path, UDEV_FIX); return FATHOM_ERROR_PERMISSION;
+    case EPERM: snprintf(problem, size, "no permission for %s: %s", path, IMU_UDEV_FIX); return FATHOM_ERROR_PERMISSION;
     case EBUSY: snprintf(problem, size, "another program holds %s: close it", path); return FATHOM_ERROR_BUSY;
     default: snprintf(problem, size, "%s: %s", path, strerror(errno)); return FATHOM_ERROR_NO_DEVICE;
     }
@@ -162,6 +159,11 @@ static int hid_enumerate_sources(fathom_source_found found, void *user, fathom_l
         stopped = tell(d, kind, found, user);
     }
     if (!stopped) stopped = tell_hub(found, user, &devices);
+    if (!stopped && !devices)
+        stopped = imu_source_sees_none("hid", "HID inertial sensors",
+                                       access("/sys/class/hidraw", F_OK) ? "the kernel has no hidraw"
+                                       : list ? "no inertial sensor among the HID devices"
+                                              : "no HID device", found, user);
     hid_free_enumeration(list);
     free(kind);
     return stopped ? FATHOM_ERROR_STOPPED : devices;

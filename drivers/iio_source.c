@@ -15,8 +15,6 @@
 #include "monotonic.h"
 #include "source_log.h"
 
-#define UDEV_FIX                                                                                                       \
-    "install drivers/udev/60-fathom-imu.rules into /etc/udev/rules.d ('make install' does) and restart, or run as root"
 #define BUFFER_SAMPLES 128 /* that the kernel keeps */
 #define USUAL_HZ 200
 
@@ -76,7 +74,7 @@ static int try_access(const struct iio_device *device, char *problem, size_t siz
     *problem = 0;
     if (access(path, R_OK | W_OK) == 0) return FATHOM_OK;
     if (errno == EACCES) {
-        snprintf(problem, size, "no permission for %s: %s", path, UDEV_FIX);
+        snprintf(problem, size, "no permission for %s: %s", path, IMU_UDEV_FIX);
         return FATHOM_ERROR_PERMISSION;
     }
     snprintf(problem, size, "%s: %s: the kernel gives this sensor no buffer", path, strerror(errno));
@@ -88,8 +86,7 @@ static int iio_enumerate(fathom_source_found found, void *user, fathom_log log, 
     (void)log_user;
     struct iio_context *context = iio_create_local_context();
     int devices = 0, stopped = 0;
-    if (!context) return 0; /* no IIO in this kernel, or no device */
-    for (unsigned i = 0; i < iio_context_get_devices_count(context) && !stopped; i++) {
+    for (unsigned i = 0; context && i < iio_context_get_devices_count(context) && !stopped; i++) {
         const struct iio_device *device = iio_context_get_device(context, i);
         const bool gyro = has(device, GYRO), accel = has(device, ACCEL);
         if (!gyro && !accel) continue;
@@ -101,7 +98,10 @@ static int iio_enumerate(fathom_source_found found, void *user, fathom_log log, 
         devices++;
         stopped = found(user, &info);
     }
-    iio_context_destroy(context);
+    if (context) iio_context_destroy(context);
+    if (!stopped && !devices)
+        stopped = imu_source_sees_none("iio", "inertial sensors wired to the board",
+                                       "the kernel drives no gyroscope or accelerometer with a buffer", found, user);
     return stopped ? FATHOM_ERROR_STOPPED : devices;
 }
 
@@ -272,7 +272,7 @@ static int begin_part(iio_source *s, iio_part *part) {
                                                           : FATHOM_ERROR_UNSUPPORTED;
     return source_fail(o, error, "iio: %s gives no buffer: %s%s", label(part->device), strerror(errno),
                        error == FATHOM_ERROR_BUSY         ? ": another program reads it (iio-sensor-proxy?)"
-                       : error == FATHOM_ERROR_PERMISSION ? ": " UDEV_FIX
+                       : error == FATHOM_ERROR_PERMISSION ? ": " IMU_UDEV_FIX
                                                           : ": it may need a trigger");
 }
 

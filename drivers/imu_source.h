@@ -8,6 +8,11 @@
 
 #define IMU_SOURCE_SLICE_MS 50 /* the longest that a poll may wait: the thread looks for a stop in between */
 
+/* What to do about a device that is there and may not be opened. */
+#define IMU_UDEV_FIX                                                                                                   \
+    "copy drivers/udev/60-fathom-imu.rules to /etc/udev/rules.d ('make install' does the like), then 'udevadm control " \
+    "--reload' and plug it in again"
+
 typedef struct imu_source imu_source;
 
 typedef struct {
@@ -46,5 +51,8 @@ int imu_source_open(fathom_source **source, imu_source *made);
 
 /* To be called from open: what the device is. */
 void imu_source_describe(imu_source *source, const char *name, const char *serial, bool accel_only);
+
+/* Tells of a driver that sees nothing; what the callback returned. */
+int imu_source_sees_none(const char *driver, const char *name, const char *problem, fathom_source_found found, void *user);
 
 #endif

@@ -12,9 +12,6 @@
 #include "mtdata2.h"
 #include "source_log.h"
 
-#define UDEV_FIX                                                                                                       \
-    "install drivers/udev/60-fathom-imu.rules into /etc/udev/rules.d ('make install' does; then 'udevadm control "     \
-    "--reload') and plug the device in again"
 #define XSENS 0x2639
 #define TRANSFERS 8
 #define TRANSFER_BYTES 4096
@@ -80,7 +77,7 @@ static const char *name_of(usb_kind kind) {
 static int translate(int error, const char *place, char *problem, size_t size) {
     switch (error) {
     case LIBUSB_SUCCESS: *problem = 0; return FATHOM_OK;
-    case LIBUSB_ERROR_ACCESS: snprintf(problem, size, "no permission for %s: %s", place, UDEV_FIX); return FATHOM_ERROR_PERMISSION;
+    case LIBUSB_ERROR_ACCESS: snprintf(problem, size, "no permission for %s: %s", place, IMU_UDEV_FIX); return FATHOM_ERROR_PERMISSION;
     case LIBUSB_ERROR_BUSY: snprintf(problem, size, "another program holds %s: close it", place); return FATHOM_ERROR_BUSY;
     case LIBUSB_ERROR_NO_DEVICE: snprintf(problem, size, "%s is gone", place); return FATHOM_ERROR_NO_DEVICE;
     case LIBUSB_ERROR_NO_MEM: snprintf(problem, size, "%s: no memory", place); return FATHOM_ERROR_MEMORY;
@@ -100,10 +97,9 @@ static int usb_enumerate(fathom_source_found found, void *user, fathom_log log, 
     char place[64];
     const int error = libusb_init(&context);
     if (error) {
-        fathom_source_info info = {.driver = "usb", .error = FATHOM_ERROR_UNSUPPORTED};
-        snprintf(info.name, sizeof info.name, "USB inertial sensors");
-        snprintf(info.problem, sizeof info.problem, "libusb doesn't start: %s", libusb_error_name(error));
-        return found(user, &info) ? FATHOM_ERROR_STOPPED : 0;
+        char problem[128];
+        snprintf(problem, sizeof problem, "libusb doesn't start: %s", libusb_error_name(error));
+        return imu_source_sees_none("usb", "USB inertial sensors", problem, found, user) ? FATHOM_ERROR_STOPPED : 0;
     }
     const ssize_t count = libusb_get_device_list(context, &list);
     if (count < 0) source_say(log, log_user, FATHOM_LOG_ERROR, "usb: %s", libusb_error_name((int)count));
@@ -128,6 +124,9 @@ static int usb_enumerate(fathom_source_found found, void *user, fathom_log log, 
     }
     if (count >= 0) libusb_free_device_list(list, 1);
     libusb_exit(context);
+    if (!stopped && !devices)
+        stopped = imu_source_sees_none("usb", "USB inertial sensors",
+                                       "neither a Kinect 360 (its motor device) nor an Xsens MTi is plugged in", found, user);
     return stopped ? FATHOM_ERROR_STOPPED : devices;
 }
 

@@ -526,6 +526,52 @@ static void kinects_accelerometer(void **state) {
     fathom_source_close(source);
 }
 
+/* Unplugs after a while, in whatever the driver is doing by then. */
+static void *unplug_soon(void *microseconds) {
+    usleep((useconds_t)(intptr_t)microseconds);
+    if (pad.plugged) virtual_hid_unplug(&pad);
+    if (usb.plugged) virtual_usb_unplug(&usb);
+    return NULL;
+}
+
+/* Every call may find the device gone: it must end with an error of its own, or go on, and leave nothing behind. */
+static void vanish(const char *uri, int rounds, int step_us) {
+    int opened = 0, started = 0;
+    for (int i = 0; i < rounds; i++) {
+        const fathom_source_options options = {.log = keep_log};
+        fathom_source *source;
+        pthread_t thread;
+        if (!strcmp(uri, DUALSENSE))
+            plug_pad(&pad, first_address, 1);
+        else
+            plug_mti("MT-1");
+        pad.rate_hz = 500;
+        pthread_create(&thread, NULL, unplug_soon, (void *)(intptr_t)(i * step_us));
+        int result = fathom_source_open(&source, uri, &options);
+        opened += !result;
+        if (!result) result = fathom_source_start(source);
+        started += !result;
+        if (!result) assert_true(fathom_source_wait(source, 50) <= 0);
+        if (source) fathom_source_read_imu(source, samples, MOST);
+        fathom_source_stop(source);
+        fathom_source_close(source);
+        pthread_join(thread, NULL);
+        look_for(strncmp(uri, "hid", 3) ? "usb" : "hid", uri, 0, NULL);
+    }
+    print_message("# gone in %d rounds, of which %d had been opened and %d started\n", rounds, opened, started);
+    assert_true(started > 0);
+}
+
+static void hid_that_vanishes_in_any_call(void **state) {
+    (void)state;
+    vanish(DUALSENSE, 30, 3000);
+}
+
+static void mti_that_vanishes_in_any_call(void **state) {
+    (void)state;
+    vanish(MTI_URI, 30, 3000);
+}
+
 /* A test that fails leaves its devices plugged in. */
 static int unplug_all(void **state) {
     (void)state;
@@ -627,6 +673,8 @@ int main(int argc, char **argv) {
         cmocka_unit_test_teardown(mti_stalls_and_sends_rubbish, unplug_all),
         cmocka_unit_test_teardown(usb_without_permission_or_busy, unplug_all),
         cmocka_unit_test_teardown(kinects_accelerometer, unplug_all),
+        cmocka_unit_test_teardown(hid_that_vanishes_in_any_call, unplug_all),
+        cmocka_unit_test_teardown(mti_that_vanishes_in_any_call, unplug_all),
         cmocka_unit_test_teardown(udev_rules_let_the_group_in, unplug_all),
         cmocka_unit_test_teardown(iio_through_the_sensor_hub, unplug_all),
     };
