@@ -1,5 +1,12 @@
 #include "hid_recording.h"
 
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -69,4 +76,16 @@ size_t hid_recording_feature(const char *name, uint8_t id, uint8_t *bytes, size_
     }
     fclose(file);
     return length;
+}
+
+int hid_recording_run(const char *group, const struct CMUnitTest *tests, size_t count, size_t real) {
+    FILE *file = open_shared("dualsense-usb.hid");
+    if (file) {
+        fclose(file);
+        return _cmocka_run_group_tests(group, tests, count, NULL, NULL);
+    }
+    const int failed = _cmocka_run_group_tests(group, tests, count - real, NULL, NULL);
+    for (size_t i = count - real; i < count; i++) /* cmocka 1.1 would write "not ok" */
+        printf("ok %zu - %s # SKIP no recordings of HID devices here\n", i + 1, tests[i].name);
+    return failed;
 }

@@ -24,4 +24,8 @@ void hid_recording_close(hid_recording *recording);
 /* Reads a line `0xID: hex` of the device's file of feature reports; returns its length, 0 when it isn't there. */
 size_t hid_recording_feature(const char *name, uint8_t id, uint8_t *bytes, size_t capacity);
 
+/* Runs a group of tests of which the last `real` need recordings; without those they are counted as skipped. */
+struct CMUnitTest;
+int hid_recording_run(const char *group, const struct CMUnitTest *tests, size_t count, size_t real);
+
 #endif
