@@ -42,10 +42,10 @@ typedef struct {
     uint32_t count;
     int64_t logical_min, logical_max, physical_min, physical_max;
     uint32_t unit;
-    int8_t exponent;     /* power of ten of the unit */
-    int first_usage;     /* index in usages */
-    int usages;          /* number of them; 0: padding */
-    int collection;      /* index, or -1 */
+    int8_t exponent; /* power of ten of the unit */
+    int first_usage; /* index in usages */
+    int usages;      /* number of them; 0: padding */
+    int collection;  /* index, or -1 */
 } hid_field;
 
 typedef struct {
@@ -55,10 +55,10 @@ typedef struct {
     int usage_count;
     hid_collection collections[HID_MAX_COLLECTIONS];
     int collection_count;
-    bool numbered;              /* reports begin with their number */
+    bool numbered;                /* reports begin with their number */
     uint32_t report_bits[3][256]; /* by kind and number, without the number's byte */
-    const char *error;          /* what was wrong; NULL: nothing */
-    size_t error_at;            /* byte of the item that was */
+    const char *error;            /* what was wrong; NULL: nothing */
+    size_t error_at;              /* byte of the item that was */
 } hid_descriptor;
 
 /* Returns false when the bytes aren't a descriptor that fits the numbers above; then error says what, and nothing else may
@@ -79,12 +79,12 @@ bool hid_field_within(const hid_descriptor *descriptor, const hid_field *field, 
 
 /* Reads an element, sign-extended where the logical minimum is negative. report has the number first where the device
  * numbers. False: the report is too short, or the element has more than 32 bits. */
-bool hid_field_read(const hid_descriptor *descriptor, const hid_field *field, uint32_t element, const uint8_t *report,
-                    size_t length, int64_t *value);
+bool hid_field_read(const hid_descriptor *descriptor, const hid_field *field, uint32_t element,
+                    const uint8_t *report, size_t length, int64_t *value);
 
 /* Writes an element's lowest bits; false as above. */
-bool hid_field_write(const hid_descriptor *descriptor, const hid_field *field, uint32_t element, uint8_t *report,
-                     size_t length, int64_t value);
+bool hid_field_write(const hid_descriptor *descriptor, const hid_field *field, uint32_t element,
+                     uint8_t *report, size_t length, int64_t value);
 
 /* A logical value in the field's unit (5.8): mapped to the physical range where there is one, times 10^exponent. */
 double hid_field_physical(const hid_field *field, int64_t value);

@@ -10,14 +10,15 @@ typedef enum { HID_BUS_ANY = 0, HID_BUS_USB, HID_BUS_BLUETOOTH } hid_bus;
  * samples int16 x y z. */
 typedef struct {
     uint8_t report_id;
-    uint16_t length;           /* at least */
-    uint8_t gyro, accel;       /* of the first sample */
-    uint8_t samples, stride;   /* in a report, and the bytes from one to the next */
-    int32_t sample_ns;         /* between the samples of a report */
-    uint8_t time, time_bytes;  /* the sensor's clock; 0 bytes: none */
+    uint16_t length;          /* at least */
+    uint8_t gyro, accel;      /* of the first sample */
+    uint8_t samples, stride;  /* in a report, and the bytes from one to the next */
+    int32_t sample_ns;        /* between the samples of a report */
+    uint8_t time, time_bytes; /* the sensor's clock; 0 bytes: none */
     double tick_ns;
     uint8_t sequence, sequence_shift, sequence_bits; /* counts reports; 0 bits: none */
-    uint8_t crc_seed;          /* 0: none; else the last 4 of length bytes are a CRC-32 over this byte and the others */
+    uint8_t
+        crc_seed; /* 0: none; else the last 4 of length bytes are a CRC-32 over this byte and the others */
 } hid_layout;
 
 /* raw to rad/s and m/s^2: (raw - bias) * scale. */

@@ -75,7 +75,8 @@ static bool recognise(const struct hid_device_info *info, hid_kind *kind) {
 
 static void narrow(char *out, size_t size, const wchar_t *wide) {
     size_t n = 0;
-    for (; wide && wide[n] && n + 1 < size; n++) out[n] = wide[n] >= 32 && wide[n] < 127 ? (char)wide[n] : '?';
+    for (; wide && wide[n] && n + 1 < size; n++)
+        out[n] = wide[n] >= 32 && wide[n] < 127 ? (char)wide[n] : '?';
     out[n] = 0;
 }
 
@@ -99,7 +100,9 @@ static int try_access(const char *path, char *problem, size_t size) {
     }
     switch (errno) {
     case EACCES:
-    case EPERM: snprintf(problem, size, "no permission for %s: %s", path, IMU_UDEV_FIX); return FATHOM_ERROR_PERMISSION;
+    case EPERM:
+        snprintf(problem, size, "no permission for %s: %s", path, IMU_UDEV_FIX);
+        return FATHOM_ERROR_PERMISSION;
     case EBUSY: snprintf(problem, size, "another program holds %s: close it", path); return FATHOM_ERROR_BUSY;
     default: snprintf(problem, size, "%s: %s", path, strerror(errno)); return FATHOM_ERROR_NO_DEVICE;
     }
@@ -130,9 +133,11 @@ static int tell_hub(fathom_source_found found, void *user, int *devices) {
         fathom_source_info info = {.driver = "hid", .kinds = FATHOM_SOURCE_IMU, .error = FATHOM_ERROR_BUSY};
         snprintf(info.uri, sizeof info.uri, "hid:%04x:%04x", vendor, product);
         snprintf(info.name, sizeof info.name, "HID sensor %04x:%04x", vendor, product);
-        snprintf(info.problem, sizeof info.problem,
-                 "the kernel's hid-sensor-hub has it: use the iio driver, or, as root: echo %.40s > " SENSOR_HUB "/unbind",
-                 entry->d_name);
+        snprintf(
+            info.problem, sizeof info.problem,
+            "the kernel's hid-sensor-hub has it: use the iio driver, or, as root: echo %.40s > " SENSOR_HUB
+            "/unbind",
+            entry->d_name);
         ++*devices;
         stopped = found(user, &info);
     }
@@ -163,7 +168,8 @@ static int hid_enumerate_sources(fathom_source_found found, void *user, fathom_l
         stopped = imu_source_sees_none("hid", "HID inertial sensors",
                                        access("/sys/class/hidraw", F_OK) ? "the kernel has no hidraw"
                                        : list ? "no inertial sensor among the HID devices"
-                                              : "no HID device", found, user);
+                                              : "no HID device",
+                                       found, user);
     hid_free_enumeration(list);
     free(kind);
     return stopped ? FATHOM_ERROR_STOPPED : devices;
@@ -212,12 +218,16 @@ static void prepare(hid_source *s, const struct hid_device_info *d, bool quiet) 
         }
         hid_fixed_init(&s->fixed, model, report, length > 0 ? (size_t)length : 0);
         if (model->calibrate && !s->fixed.factory_calibrated && !quiet)
-            source_warn(o, "%s: no sensible factory calibration (feature report 0x%02x): nominal scales are used, "
-                           "which may be 5 %% off", name, model->calibration_id);
+            source_warn(
+                o,
+                "%s: no sensible factory calibration (feature report 0x%02x): nominal scales are used, "
+                "which may be 5 %% off",
+                name, model->calibration_id);
     } else {
         accel_only = !s->kind.sensor.has_gyro;
         if (s->kind.sensor.odd_unit && !quiet)
-            source_warn(o, "%s: unit 0x%x isn't known; G and degrees a second are assumed", name, s->kind.sensor.odd_unit);
+            source_warn(o, "%s: unit 0x%x isn't known; G and degrees a second are assumed", name,
+                        s->kind.sensor.odd_unit);
     }
     if (accel_only && !quiet) source_warn(o, "%s has an accelerometer only: no use to a scan", name);
     imu_source_describe(&s->base, name, serial, accel_only);
@@ -232,7 +242,8 @@ static int open_path(hid_source *s, const struct hid_device_info *d, bool quiet)
     s->handle = hid_open_path(d->path);
     pthread_mutex_unlock(&hidapi_lock);
     if (!s->handle)
-        return quiet ? FATHOM_ERROR_NO_DEVICE : source_fail(o, FATHOM_ERROR_NO_DEVICE, "hid: %s can't be opened", d->path);
+        return quiet ? FATHOM_ERROR_NO_DEVICE
+                     : source_fail(o, FATHOM_ERROR_NO_DEVICE, "hid: %s can't be opened", d->path);
     prepare(s, d, quiet);
     /* From now on it is this one, wherever it is plugged in again. */
     s->path[0] = 0;
@@ -266,11 +277,11 @@ static int find_and_open(imu_source *base, bool quiet) {
     }
     hid_free_enumeration(list);
     if (!known && !quiet && seen)
-        source_fail(&base->base.options, result, "hid:%s is there, but isn't an inertial sensor that is known",
-                    s->address.what);
+        source_fail(&base->base.options, result,
+                    "hid:%s is there, but isn't an inertial sensor that is known", s->address.what);
     else if (!known && !quiet)
-        source_fail(&base->base.options, result, "hid:%s: no such device; 'fathom devices' lists what there is",
-                    s->address.what);
+        source_fail(&base->base.options, result,
+                    "hid:%s: no such device; 'fathom devices' lists what there is", s->address.what);
     return result;
 }
 
@@ -293,9 +304,11 @@ static void prepare_sensor(hid_source *s, uint32_t usage) {
         uint8_t *content = d->numbered ? report : report + 1;
         if (hid_get_feature_report(s->handle, report, room) < 0) continue;
         report[0] = (uint8_t)id;
-        if (hid_sensor_prepare(d, usage, (uint8_t)id, rate > 0 ? 1 / rate : USUAL_INTERVAL_S, content, length) > 0 &&
+        if (hid_sensor_prepare(d, usage, (uint8_t)id, rate > 0 ? 1 / rate : USUAL_INTERVAL_S, content,
+                               length) > 0 &&
             hid_send_feature_report(s->handle, report, room) < 0)
-            source_warn(&s->base.base.options, "%s: doesn't take its settings (feature report %d)", s->base.name, id);
+            source_warn(&s->base.base.options, "%s: doesn't take its settings (feature report %d)",
+                        s->base.name, id);
     }
 }
 
@@ -308,7 +321,8 @@ static int begin(imu_source *base) {
     }
     for (const hid_command *c = s->kind.model->commands; c && c->length; c++)
         if (hid_write(s->handle, c->bytes, c->length) < 0)
-            return source_fail(&base->base.options, FATHOM_ERROR_PROTOCOL, "%s: doesn't take commands", base->name);
+            return source_fail(&base->base.options, FATHOM_ERROR_PROTOCOL, "%s: doesn't take commands",
+                               base->name);
     return FATHOM_OK;
 }
 
@@ -334,7 +348,8 @@ static int poll_device(imu_source *base) {
     if (length < 0) return FATHOM_ERROR_UNPLUGGED;
     if (length == 0) return FATHOM_ERROR_TIMEOUT;
     const bool waited = arrival_ns - asked_ns > QUEUED_NS;
-    if (!take(s, report, (size_t)length, waited ? arrival_ns : 0, arrival_ns)) source_queue_count_malformed(&base->queue, 1);
+    if (!take(s, report, (size_t)length, waited ? arrival_ns : 0, arrival_ns))
+        source_queue_count_malformed(&base->queue, 1);
     return FATHOM_OK;
 }
 
@@ -368,20 +383,24 @@ static bool parse_what(hid_source *s) {
 static int open_source(fathom_source **source, const char *address, const fathom_source_options *options) {
     source_address parsed;
     if (!address_parse(&parsed, address))
-        return source_fail(options, FATHOM_ERROR_ARGUMENT, "hid:%s: settings are ?key=value&key=value", address);
+        return source_fail(options, FATHOM_ERROR_ARGUMENT, "hid:%s: settings are ?key=value&key=value",
+                           address);
     address_setting(&parsed, "accel");
     address_setting(&parsed, "gyro");
     if (address_unknown(&parsed))
-        return source_fail(options, FATHOM_ERROR_ARGUMENT, "hid: no setting is called '%s'; there are: accel, gyro",
+        return source_fail(options, FATHOM_ERROR_ARGUMENT,
+                           "hid: no setting is called '%s'; there are: accel, gyro",
                            address_unknown(&parsed));
     hid_source *s = (hid_source *)imu_source_make(sizeof *s, &device, options);
     if (!s) return FATHOM_ERROR_MEMORY;
     s->address = parsed;
     if (!parse_what(s)) {
         fathom_source_close(&s->base.base);
-        return source_fail(options, FATHOM_ERROR_ARGUMENT,
-                           "hid:%s: should be hid:, hid:VENDOR:PRODUCT, hid:VENDOR:PRODUCT:SERIAL (hexadecimal) or "
-                           "hid:/dev/hidraw0", parsed.what);
+        return source_fail(
+            options, FATHOM_ERROR_ARGUMENT,
+            "hid:%s: should be hid:, hid:VENDOR:PRODUCT, hid:VENDOR:PRODUCT:SERIAL (hexadecimal) or "
+            "hid:/dev/hidraw0",
+            parsed.what);
     }
     return imu_source_open(source, &s->base);
 }

@@ -33,15 +33,16 @@ int64_t iio_value(const iio_format *format, const uint8_t *bytes) {
 }
 
 static double determinant(const double m[9]) {
-    return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
+    return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) +
+           m[2] * (m[3] * m[7] - m[4] * m[6]);
 }
 
 bool iio_mount_matrix_parse(const char *text, double matrix[9]) {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     double m[9];
     memcpy(matrix, identity, sizeof identity);
-    if (sscanf(text, "%lf , %lf , %lf ; %lf , %lf , %lf ; %lf , %lf , %lf", &m[0], &m[1], &m[2], &m[3], &m[4], &m[5], &m[6],
-               &m[7], &m[8]) != 9)
+    if (sscanf(text, "%lf , %lf , %lf ; %lf , %lf , %lf ; %lf , %lf , %lf", &m[0], &m[1], &m[2], &m[3], &m[4],
+               &m[5], &m[6], &m[7], &m[8]) != 9)
         return false;
     for (int row = 0; row < 3; row++)
         for (int other = 0; other <= row; other++) {
@@ -57,5 +58,6 @@ bool iio_mount_matrix_parse(const char *text, double matrix[9]) {
 
 void iio_mount(const double matrix[9], double vector[3]) {
     const double v[3] = {vector[0], vector[1], vector[2]};
-    for (int i = 0; i < 3; i++) vector[i] = matrix[3 * i] * v[0] + matrix[3 * i + 1] * v[1] + matrix[3 * i + 2] * v[2];
+    for (int i = 0; i < 3; i++)
+        vector[i] = matrix[3 * i] * v[0] + matrix[3 * i + 1] * v[1] + matrix[3 * i + 2] * v[2];
 }

@@ -93,7 +93,9 @@ static int iio_enumerate(fathom_source_found found, void *user, fathom_log log, 
         fathom_source_info info = {.driver = "iio", .kinds = FATHOM_SOURCE_IMU};
         snprintf(info.uri, sizeof info.uri, "iio:%s", iio_device_get_id(device));
         snprintf(info.name, sizeof info.name, "%.60s: %s", label(device),
-                 gyro && accel ? "gyroscope and accelerometer" : gyro ? "gyroscope" : "accelerometer");
+                 gyro && accel ? "gyroscope and accelerometer"
+                 : gyro        ? "gyroscope"
+                               : "accelerometer");
         info.error = try_access(device, info.problem, sizeof info.problem);
         devices++;
         stopped = found(user, &info);
@@ -101,7 +103,8 @@ static int iio_enumerate(fathom_source_found found, void *user, fathom_log log, 
     if (context) iio_context_destroy(context);
     if (!stopped && !devices)
         stopped = imu_source_sees_none("iio", "inertial sensors wired to the board",
-                                       "the kernel drives no gyroscope or accelerometer with a buffer", found, user);
+                                       "the kernel drives no gyroscope or accelerometer with a buffer", found,
+                                       user);
     return stopped ? FATHOM_ERROR_STOPPED : devices;
 }
 
@@ -115,7 +118,8 @@ static bool format_of(const struct iio_channel *channel, iio_format *format) {
     const struct iio_data_format *f = iio_channel_get_data_format(channel);
     char text[32];
     if (f->repeat > 1) return false;
-    snprintf(text, sizeof text, "%s:%c%u/%u>>%u", f->is_be ? "be" : "le", f->is_signed ? 's' : 'u', f->bits, f->length, f->shift);
+    snprintf(text, sizeof text, "%s:%c%u/%u>>%u", f->is_be ? "be" : "le", f->is_signed ? 's' : 'u', f->bits,
+             f->length, f->shift);
     return iio_format_parse(text, format);
 }
 
@@ -191,8 +195,10 @@ static int open_devices(imu_source *base, bool quiet) {
     if (found[GYRO] && has(found[GYRO], ACCEL)) found[ACCEL] = found[GYRO];
     if (!found[GYRO] && !found[ACCEL])
         return quiet ? FATHOM_ERROR_NO_DEVICE
-                     : source_fail(o, FATHOM_ERROR_NO_DEVICE, "iio:%s: no such gyroscope or accelerometer with a buffer; "
-                                   "'fathom devices' lists what there is", s->address.what);
+                     : source_fail(o, FATHOM_ERROR_NO_DEVICE,
+                                   "iio:%s: no such gyroscope or accelerometer with a buffer; "
+                                   "'fathom devices' lists what there is",
+                                   s->address.what);
     for (int kind = 0; kind < 2; kind++) {
         if (!found[kind]) continue;
         const int error = try_access(found[kind], problem, sizeof problem);
@@ -200,18 +206,21 @@ static int open_devices(imu_source *base, bool quiet) {
         iio_part *part = part_of(s, found[kind]);
         if (!fill_triple(part, (sensor_kind)kind))
             return quiet ? FATHOM_ERROR_PROTOCOL
-                         : source_fail(o, FATHOM_ERROR_PROTOCOL, "iio: %s stores its values in a way that isn't known",
+                         : source_fail(o, FATHOM_ERROR_PROTOCOL,
+                                       "iio: %s stores its values in a way that isn't known",
                                        label(part->device));
         part->time = iio_device_find_channel(part->device, "timestamp", false);
         if (part->time && !format_of(part->time, &part->time_format)) part->time = NULL;
-        snprintf(name + strlen(name), sizeof name - strlen(name), "%s%.40s", *name ? "+" : "", label(part->device));
+        snprintf(name + strlen(name), sizeof name - strlen(name), "%s%.40s", *name ? "+" : "",
+                 label(part->device));
         if (kind == GYRO && found[ACCEL] == found[GYRO]) {
             fill_triple(part, ACCEL);
             break;
         }
     }
     if (!apply_settings(s))
-        return source_fail(o, FATHOM_ERROR_ARGUMENT, "iio: settings are accel=gravity or force, gyro=right or left");
+        return source_fail(o, FATHOM_ERROR_ARGUMENT,
+                           "iio: settings are accel=gravity or force, gyro=right or left");
     if (!found[GYRO] && !quiet) source_warn(o, "iio: %s has an accelerometer only: no use to a scan", name);
     imu_source_describe(base, name, "", !found[GYRO]);
     return FATHOM_OK;
@@ -239,7 +248,8 @@ static void shut(imu_source *base) {
 static void set_rate(iio_part *part, double rate) {
     if (iio_device_attr_write_double(part->device, "sampling_frequency", rate) >= 0) return;
     for (int kind = 0; kind < 2; kind++)
-        if (part->triple[kind].there && iio_channel_attr_write_double(part->triple[kind].axis[0], "sampling_frequency", rate) < 0) {
+        if (part->triple[kind].there &&
+            iio_channel_attr_write_double(part->triple[kind].axis[0], "sampling_frequency", rate) < 0) {
             /* it keeps its own */
         }
 }
@@ -262,7 +272,8 @@ static int begin_part(iio_source *s, iio_part *part) {
     part->monotonic = iio_device_attr_write(part->device, "current_timestamp_clock", "monotonic") >= 0;
     set_rate(part, rate);
     for (int kind = 0; kind < 2; kind++)
-        for (int i = 0; i < 3 && part->triple[kind].there; i++) iio_channel_enable(part->triple[kind].axis[i]);
+        for (int i = 0; i < 3 && part->triple[kind].there; i++)
+            iio_channel_enable(part->triple[kind].axis[i]);
     if (part->time) iio_channel_enable(part->time);
     part->buffer = iio_device_create_buffer(part->device, BUFFER_SAMPLES, false);
     if (part->buffer) wake_at_each_sample(part);
@@ -337,7 +348,8 @@ static int poll_buffers(imu_source *base) {
     struct pollfd waiting[2];
     for (int i = 0; i < s->part_count; i++)
         waiting[i] = (struct pollfd){.fd = iio_buffer_get_poll_fd(s->parts[i].buffer), .events = POLLIN};
-    if (poll(waiting, (nfds_t)s->part_count, IMU_SOURCE_SLICE_MS) <= 0) return are_there(s) ? FATHOM_ERROR_TIMEOUT : FATHOM_ERROR_UNPLUGGED;
+    if (poll(waiting, (nfds_t)s->part_count, IMU_SOURCE_SLICE_MS) <= 0)
+        return are_there(s) ? FATHOM_ERROR_TIMEOUT : FATHOM_ERROR_UNPLUGGED;
     for (int i = 0; i < s->part_count; i++) {
         if (!waiting[i].revents) continue;
         const int result = take_buffer(s, &s->parts[i]);
@@ -355,7 +367,8 @@ static const imu_device device = {
 static int open_source(fathom_source **source, const char *address, const fathom_source_options *options) {
     source_address parsed;
     if (!address_parse(&parsed, address))
-        return source_fail(options, FATHOM_ERROR_ARGUMENT, "iio:%s: settings are ?key=value&key=value", address);
+        return source_fail(options, FATHOM_ERROR_ARGUMENT, "iio:%s: settings are ?key=value&key=value",
+                           address);
     iio_source *s = (iio_source *)imu_source_make(sizeof *s, &device, options);
     if (!s) return FATHOM_ERROR_MEMORY;
     s->address = parsed;

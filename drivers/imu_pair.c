@@ -20,8 +20,7 @@ static void accel_at(const imu_pair *p, int64_t t, float out[3]) {
         out[i] = NAN;
         if (held) out[i] = b->value[i];
         if (between) {
-            const double part =
-                (double)(t - a->timestamp_ns) / (double)(b->timestamp_ns - a->timestamp_ns);
+            const double part = (double)(t - a->timestamp_ns) / (double)(b->timestamp_ns - a->timestamp_ns);
             out[i] = (float)(a->value[i] + part * (b->value[i] - a->value[i]));
         }
     }

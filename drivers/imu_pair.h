@@ -5,9 +5,9 @@
 
 #include "fathom.h"
 
-#define IMU_PAIR_WAITING 64              /* most gyroscope samples that wait for an accelerometer sample after them */
-#define IMU_PAIR_LONGEST_NS 100000000    /* ... and how long; also the longest gap that is interpolated across */
-#define IMU_PAIR_ABSENT_NS 1000000000    /* an accelerometer silent for so long isn't waited for */
+#define IMU_PAIR_WAITING 64 /* most gyroscope samples that wait for an accelerometer sample after them */
+#define IMU_PAIR_LONGEST_NS 100000000 /* ... and how long; also the longest gap that is interpolated across */
+#define IMU_PAIR_ABSENT_NS 1000000000 /* an accelerometer silent for so long isn't waited for */
 
 typedef struct {
     int64_t timestamp_ns;

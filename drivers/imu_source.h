@@ -9,8 +9,9 @@
 #define IMU_SOURCE_SLICE_MS 50 /* the longest that a poll may wait: the thread looks for a stop in between */
 
 /* What to do about a device that is there and may not be opened. */
-#define IMU_UDEV_FIX                                                                                                   \
-    "copy drivers/udev/60-fathom-imu.rules to /etc/udev/rules.d ('make install' does the like), then 'udevadm control " \
+#define IMU_UDEV_FIX                                                                                         \
+    "copy drivers/udev/60-fathom-imu.rules to /etc/udev/rules.d ('make install' does the like), then "       \
+    "'udevadm control "                                                                                      \
     "--reload' and plug it in again"
 
 typedef struct imu_source imu_source;
@@ -53,6 +54,7 @@ int imu_source_open(fathom_source **source, imu_source *made);
 void imu_source_describe(imu_source *source, const char *name, const char *serial, bool accel_only);
 
 /* Tells of a driver that sees nothing; what the callback returned. */
-int imu_source_sees_none(const char *driver, const char *name, const char *problem, fathom_source_found found, void *user);
+int imu_source_sees_none(const char *driver, const char *name, const char *problem, fathom_source_found found,
+                         void *user);
 
 #endif

@@ -85,16 +85,16 @@ size_t xbus_build(uint8_t *out, size_t capacity, uint8_t id, const uint8_t *data
 /* ---- MTData2: items of a 16-bit identifier, a length and big-endian data ---- */
 
 enum { /* identifiers without the bits of format and axes */
-    PACKET_COUNTER = 0x1020,
-    SAMPLE_TIME_FINE = 0x1060,
-    DELTA_V = 0x4010,
-    ACCELERATION = 0x4020,
-    ACCELERATION_HR = 0x4040,
-    RATE_OF_TURN = 0x8020,
-    DELTA_Q = 0x8030,
-    RATE_OF_TURN_HR = 0x8040,
-    FORMAT = 0x3,
-    AXES = 0xC
+       PACKET_COUNTER = 0x1020,
+       SAMPLE_TIME_FINE = 0x1060,
+       DELTA_V = 0x4010,
+       ACCELERATION = 0x4020,
+       ACCELERATION_HR = 0x4040,
+       RATE_OF_TURN = 0x8020,
+       DELTA_Q = 0x8030,
+       RATE_OF_TURN_HR = 0x8040,
+       FORMAT = 0x3,
+       AXES = 0xC
 };
 
 #define TICK_NS 100000 /* of SampleTimeFine */

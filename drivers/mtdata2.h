@@ -30,17 +30,18 @@ typedef struct {
 
 /* Takes bytes until a message is whole: returns how many were taken; *whole says whether there is one. Call again with the
  * rest. After a message with a wrong checksum the search goes on right behind its first byte. */
-size_t xbus_take(xbus_parser *parser, const uint8_t *bytes, size_t length, xbus_message *message, bool *whole);
+size_t xbus_take(xbus_parser *parser, const uint8_t *bytes, size_t length, xbus_message *message,
+                 bool *whole);
 
 /* Builds a message; returns its length, 0 when it doesn't fit. */
 size_t xbus_build(uint8_t *out, size_t capacity, uint8_t id, const uint8_t *data, size_t length);
 
 /* What is carried from one MTData2 message to the next. All zero at start. */
 typedef struct {
-    whole_counter clock;     /* SampleTimeFine, 0.1 ms */
+    whole_counter clock; /* SampleTimeFine, 0.1 ms */
     bool counting;
-    uint16_t counter;        /* PacketCounter */
-    int64_t last_ns;         /* of the last message with a time */
+    uint16_t counter; /* PacketCounter */
+    int64_t last_ns;  /* of the last message with a time */
     bool has_last;
 } mtdata2_state;
 

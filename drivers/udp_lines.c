@@ -36,7 +36,10 @@ static bool take(const char **at, char c) {
 
 static int values_of(int sensor) {
     switch (sensor) {
-    case 7: case 8: case 85: case 86: return 1; /* pressure, proximity, ..., battery */
+    case 7:
+    case 8:
+    case 85:
+    case 86: return 1; /* pressure, proximity, ..., battery */
     default: return 3;
     }
 }
@@ -105,8 +108,8 @@ static bool skip_value(const char **at, int depth) {
 }
 
 static bool vector(const char **at, double values[3]) {
-    return take(at, '[') && number(at, &values[0]) && take(at, ',') && number(at, &values[1]) && take(at, ',') &&
-           number(at, &values[2]) && take(at, ']');
+    return take(at, '[') && number(at, &values[0]) && take(at, ',') && number(at, &values[1]) &&
+           take(at, ',') && number(at, &values[2]) && take(at, ']');
 }
 
 static udp_line_result parse_json(const char *at, udp_line *line) {

@@ -21,12 +21,16 @@
 
 #define UDP_LINE_MOST 1024 /* characters */
 
-typedef enum { UDP_FORMAT_ANY = 0, UDP_FORMAT_CSV, UDP_FORMAT_JSON } udp_format; /* ANY: JSON where a line begins with { */
+typedef enum {
+    UDP_FORMAT_ANY = 0,
+    UDP_FORMAT_CSV,
+    UDP_FORMAT_JSON
+} udp_format; /* ANY: JSON where a line begins with { */
 
 typedef struct {
-    double time;                       /* as sent */
+    double time; /* as sent */
     bool has_gyro, has_accel, has_count;
-    double gyro[3], accel[3];          /* as sent */
+    double gyro[3], accel[3]; /* as sent */
     int64_t count;
 } udp_line;
 

@@ -60,12 +60,14 @@ static bool choose(udp_source *s, const char *key, const choice *choices, double
         }
         snprintf(names + strlen(names), sizeof names - strlen(names), "%s%s", *names ? ", " : "", c->name);
     }
-    source_fail(&s->base.base.options, FATHOM_ERROR_ARGUMENT, "udp: %s=%s: it is one of %s", key, given, names);
+    source_fail(&s->base.base.options, FATHOM_ERROR_ARGUMENT, "udp: %s=%s: it is one of %s", key, given,
+                names);
     return false;
 }
 
 static bool read_settings(udp_source *s) {
-    static const choice formats[] = {{"any", UDP_FORMAT_ANY}, {"csv", UDP_FORMAT_CSV}, {"json", UDP_FORMAT_JSON}, {NULL, 0}};
+    static const choice formats[] = {
+        {"any", UDP_FORMAT_ANY}, {"csv", UDP_FORMAT_CSV}, {"json", UDP_FORMAT_JSON}, {NULL, 0}};
     static const choice times[] = {{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}, {NULL, 0}};
     static const choice rates[] = {{"rad", 1}, {"deg", RADIANS_PER_DEGREE}, {NULL, 0}};
     static const choice forces[] = {{"m", 1}, {"g", STANDARD_GRAVITY}, {NULL, 0}};
@@ -105,7 +107,8 @@ static bool split(const char *what, char host[128], char port[16]) {
     snprintf(port, 16, "%s", colon + 1);
     char *rest;
     const long number = strtol(port, &rest, 10);
-    return *host && *port && !*rest && number > 0 && number < 65536; /* getaddrinfo takes larger ones modulo 65536 */
+    return *host && *port && !*rest && number > 0 &&
+           number < 65536; /* getaddrinfo takes larger ones modulo 65536 */
 }
 
 /* ---- opening ---- */
@@ -117,16 +120,18 @@ static void shut(imu_source *base) {
 }
 
 static int bind_failed(udp_source *s, bool quiet) {
-    const int error = errno == EADDRINUSE                      ? FATHOM_ERROR_BUSY
-                      : errno == EACCES                        ? FATHOM_ERROR_PERMISSION
-                      : errno == EADDRNOTAVAIL                 ? FATHOM_ERROR_NO_DEVICE
-                                                               : FATHOM_ERROR_UNSUPPORTED;
-    const char *fix = errno == EADDRINUSE      ? ": another program listens there; choose another port"
-                      : errno == EACCES        ? ": ports below 1024 need root; choose another"
-                      : errno == EADDRNOTAVAIL ? ": not an address of this machine; 'fathom devices' lists them"
-                                               : "";
+    const int error = errno == EADDRINUSE      ? FATHOM_ERROR_BUSY
+                      : errno == EACCES        ? FATHOM_ERROR_PERMISSION
+                      : errno == EADDRNOTAVAIL ? FATHOM_ERROR_NO_DEVICE
+                                               : FATHOM_ERROR_UNSUPPORTED;
+    const char *fix = errno == EADDRINUSE ? ": another program listens there; choose another port"
+                      : errno == EACCES   ? ": ports below 1024 need root; choose another"
+                      : errno == EADDRNOTAVAIL
+                          ? ": not an address of this machine; 'fathom devices' lists them"
+                          : "";
     return quiet ? error
-                 : source_fail(&s->base.base.options, error, "udp:%s: %s%s", s->address.what, strerror(errno), fix);
+                 : source_fail(&s->base.base.options, error, "udp:%s: %s%s", s->address.what, strerror(errno),
+                               fix);
 }
 
 static int open_socket(imu_source *base, bool quiet) {
@@ -136,15 +141,17 @@ static int open_socket(imu_source *base, bool quiet) {
     char host[128], port[16], name[96];
     const int yes = 1, bytes = BUFFER_BYTES;
     if (!split(s->address.what, host, port) || !resolve(host, port, &local, &length))
-        return source_fail(&base->base.options, FATHOM_ERROR_ARGUMENT,
-                           "udp:%s: should be udp:ADDRESS:PORT with this machine's address in numbers ([...] around IPv6)",
-                           s->address.what);
+        return source_fail(
+            &base->base.options, FATHOM_ERROR_ARGUMENT,
+            "udp:%s: should be udp:ADDRESS:PORT with this machine's address in numbers ([...] around IPv6)",
+            s->address.what);
     s->socket = socket(local.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (s->socket < 0 || bind(s->socket, (struct sockaddr *)&local, length)) return bind_failed(s, quiet);
     setsockopt(s->socket, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
     setsockopt(s->socket, SOL_SOCKET, SO_RXQ_OVFL, &yes, sizeof yes);
     s->overflows = 0;
-    snprintf(name, sizeof name, "phone by UDP at %.60s", *s->address.what ? s->address.what : "127.0.0.1:" USUAL_PORT);
+    snprintf(name, sizeof name, "phone by UDP at %.60s",
+             *s->address.what ? s->address.what : "127.0.0.1:" USUAL_PORT);
     imu_source_describe(base, name, "", false);
     return FATHOM_OK;
 }
@@ -154,7 +161,8 @@ static int begin(imu_source *base) {
     s->sender.ss_family = 0;
     s->counting = false;
     char old[1];
-    while (recv(s->socket, old, sizeof old, MSG_DONTWAIT | MSG_TRUNC) >= 0) { /* sent before anybody listened */
+    while (recv(s->socket, old, sizeof old, MSG_DONTWAIT | MSG_TRUNC) >=
+           0) { /* sent before anybody listened */
     }
     return FATHOM_OK;
 }
@@ -164,18 +172,22 @@ static int begin(imu_source *base) {
 static bool same_host(const struct sockaddr_storage *a, const struct sockaddr_storage *b) {
     if (a->ss_family != b->ss_family) return false;
     if (a->ss_family == AF_INET)
-        return ((const struct sockaddr_in *)a)->sin_addr.s_addr == ((const struct sockaddr_in *)b)->sin_addr.s_addr;
-    return !memcmp(&((const struct sockaddr_in6 *)a)->sin6_addr, &((const struct sockaddr_in6 *)b)->sin6_addr, 16);
+        return ((const struct sockaddr_in *)a)->sin_addr.s_addr ==
+               ((const struct sockaddr_in *)b)->sin_addr.s_addr;
+    return !memcmp(&((const struct sockaddr_in6 *)a)->sin6_addr, &((const struct sockaddr_in6 *)b)->sin6_addr,
+                   16);
 }
 
 static uint16_t port_of(const struct sockaddr_storage *a) {
-    return a->ss_family == AF_INET ? ((const struct sockaddr_in *)a)->sin_port : ((const struct sockaddr_in6 *)a)->sin6_port;
+    return a->ss_family == AF_INET ? ((const struct sockaddr_in *)a)->sin_port
+                                   : ((const struct sockaddr_in6 *)a)->sin6_port;
 }
 
 /* One phone at a time: its clock is tracked. Another may take its place when it has gone silent. */
 static bool admit(udp_source *s, const struct sockaddr_storage *from, int64_t now_ns) {
     if (s->wanted.ss_family && !same_host(&s->wanted, from)) return false;
-    const bool same = s->sender.ss_family && same_host(&s->sender, from) && port_of(&s->sender) == port_of(from);
+    const bool same =
+        s->sender.ss_family && same_host(&s->sender, from) && port_of(&s->sender) == port_of(from);
     if (!same && s->sender.ss_family && now_ns - s->heard_ns < ANOTHER_NS) return false;
     if (!same) {
         s->sender = *from;
@@ -267,14 +279,17 @@ static int udp_enumerate(fathom_source_found found, void *user, fathom_log log, 
     fathom_source_info info = {.driver = "udp"};
     struct ifaddrs *list = NULL;
     snprintf(info.name, sizeof info.name, "a phone's inertial sensors");
-    snprintf(info.problem, sizeof info.problem, "a phone isn't seen before it sends: open udp:ADDRESS:" USUAL_PORT
+    snprintf(info.problem, sizeof info.problem,
+             "a phone isn't seen before it sends: open udp:ADDRESS:" USUAL_PORT
              " and let it send there; addresses of this machine:");
     if (getifaddrs(&list) == 0)
         for (struct ifaddrs *a = list; a; a = a->ifa_next) {
             char host[64];
             const size_t used = strlen(info.problem);
             if (!a->ifa_addr || a->ifa_addr->sa_family != AF_INET || !(a->ifa_flags & IFF_UP)) continue;
-            if (getnameinfo(a->ifa_addr, sizeof(struct sockaddr_in), host, sizeof host, NULL, 0, NI_NUMERICHOST)) continue;
+            if (getnameinfo(a->ifa_addr, sizeof(struct sockaddr_in), host, sizeof host, NULL, 0,
+                            NI_NUMERICHOST))
+                continue;
             snprintf(info.problem + used, sizeof info.problem - used, " %s", host);
         }
     freeifaddrs(list);
@@ -284,7 +299,8 @@ static int udp_enumerate(fathom_source_found found, void *user, fathom_log log, 
 static int open_source(fathom_source **source, const char *address, const fathom_source_options *options) {
     source_address parsed;
     if (!address_parse(&parsed, address))
-        return source_fail(options, FATHOM_ERROR_ARGUMENT, "udp:%s: settings are ?key=value&key=value", address);
+        return source_fail(options, FATHOM_ERROR_ARGUMENT, "udp:%s: settings are ?key=value&key=value",
+                           address);
     udp_source *s = (udp_source *)imu_source_make(sizeof *s, &device, options);
     if (!s) return FATHOM_ERROR_MEMORY;
     s->socket = -1;
@@ -297,9 +313,10 @@ static int open_source(fathom_source **source, const char *address, const fathom
     else if (from && !resolve(from, "0", &s->wanted, &length))
         result = source_fail(options, FATHOM_ERROR_ARGUMENT, "udp: from=%s: not an address in numbers", from);
     else if (address_unknown(&s->address))
-        result = source_fail(options, FATHOM_ERROR_ARGUMENT,
-                             "udp: no setting is called '%s'; there are: format, time, gyro, accel, sign, from",
-                             address_unknown(&s->address));
+        result =
+            source_fail(options, FATHOM_ERROR_ARGUMENT,
+                        "udp: no setting is called '%s'; there are: format, time, gyro, accel, sign, from",
+                        address_unknown(&s->address));
     if (result) {
         fathom_source_close(&s->base.base);
         return result;

@@ -66,7 +66,8 @@ static bool recognise(libusb_device *device, const struct libusb_device_descript
 }
 
 static void place_of(libusb_device *device, char *out, size_t size) {
-    snprintf(out, size, "/dev/bus/usb/%03d/%03d", libusb_get_bus_number(device), libusb_get_device_address(device));
+    snprintf(out, size, "/dev/bus/usb/%03d/%03d", libusb_get_bus_number(device),
+             libusb_get_device_address(device));
 }
 
 static const char *name_of(usb_kind kind) {
@@ -77,17 +78,23 @@ static const char *name_of(usb_kind kind) {
 static int translate(int error, const char *place, char *problem, size_t size) {
     switch (error) {
     case LIBUSB_SUCCESS: *problem = 0; return FATHOM_OK;
-    case LIBUSB_ERROR_ACCESS: snprintf(problem, size, "no permission for %s: %s", place, IMU_UDEV_FIX); return FATHOM_ERROR_PERMISSION;
-    case LIBUSB_ERROR_BUSY: snprintf(problem, size, "another program holds %s: close it", place); return FATHOM_ERROR_BUSY;
+    case LIBUSB_ERROR_ACCESS:
+        snprintf(problem, size, "no permission for %s: %s", place, IMU_UDEV_FIX);
+        return FATHOM_ERROR_PERMISSION;
+    case LIBUSB_ERROR_BUSY:
+        snprintf(problem, size, "another program holds %s: close it", place);
+        return FATHOM_ERROR_BUSY;
     case LIBUSB_ERROR_NO_DEVICE: snprintf(problem, size, "%s is gone", place); return FATHOM_ERROR_NO_DEVICE;
     case LIBUSB_ERROR_NO_MEM: snprintf(problem, size, "%s: no memory", place); return FATHOM_ERROR_MEMORY;
     default: snprintf(problem, size, "%s: %s", place, libusb_error_name(error)); return FATHOM_ERROR_PROTOCOL;
     }
 }
 
-static void serial_of(libusb_device_handle *handle, const struct libusb_device_descriptor *d, char *out, int size) {
+static void serial_of(libusb_device_handle *handle, const struct libusb_device_descriptor *d, char *out,
+                      int size) {
     *out = 0;
-    if (!d->iSerialNumber || libusb_get_string_descriptor_ascii(handle, d->iSerialNumber, (unsigned char *)out, size) < 0)
+    if (!d->iSerialNumber ||
+        libusb_get_string_descriptor_ascii(handle, d->iSerialNumber, (unsigned char *)out, size) < 0)
         *out = 0;
 }
 
@@ -99,7 +106,9 @@ static int usb_enumerate(fathom_source_found found, void *user, fathom_log log, 
     if (error) {
         char problem[128];
         snprintf(problem, sizeof problem, "libusb doesn't start: %s", libusb_error_name(error));
-        return imu_source_sees_none("usb", "USB inertial sensors", problem, found, user) ? FATHOM_ERROR_STOPPED : 0;
+        return imu_source_sees_none("usb", "USB inertial sensors", problem, found, user)
+                   ? FATHOM_ERROR_STOPPED
+                   : 0;
     }
     const ssize_t count = libusb_get_device_list(context, &list);
     if (count < 0) source_say(log, log_user, FATHOM_LOG_ERROR, "usb: %s", libusb_error_name((int)count));
@@ -118,15 +127,17 @@ static int usb_enumerate(fathom_source_found found, void *user, fathom_log log, 
             serial_of(handle, &d, info.serial, sizeof info.serial);
             libusb_close(handle);
         }
-        snprintf(info.uri, sizeof info.uri, "usb:%04x:%04x%s%s", d.idVendor, d.idProduct, *info.serial ? ":" : "", info.serial);
+        snprintf(info.uri, sizeof info.uri, "usb:%04x:%04x%s%s", d.idVendor, d.idProduct,
+                 *info.serial ? ":" : "", info.serial);
         devices++;
         stopped = found(user, &info);
     }
     if (count >= 0) libusb_free_device_list(list, 1);
     libusb_exit(context);
     if (!stopped && !devices)
-        stopped = imu_source_sees_none("usb", "USB inertial sensors",
-                                       "neither a Kinect 360 (its motor device) nor an Xsens MTi is plugged in", found, user);
+        stopped = imu_source_sees_none(
+            "usb", "USB inertial sensors",
+            "neither a Kinect 360 (its motor device) nor an Xsens MTi is plugged in", found, user);
     return stopped ? FATHOM_ERROR_STOPPED : devices;
 }
 
@@ -144,7 +155,8 @@ static bool find_bulk(usb_source *s, libusb_device *device) {
         for (int e = 0; e < setting->bNumEndpoints; e++) {
             const struct libusb_endpoint_descriptor *end = &setting->endpoint[e];
             if ((end->bmAttributes & LIBUSB_TRANSFER_TYPE_MASK) != LIBUSB_TRANSFER_TYPE_BULK) continue;
-            *(end->bEndpointAddress & LIBUSB_ENDPOINT_IN ? &s->bulk_in : &s->bulk_out) = end->bEndpointAddress;
+            *(end->bEndpointAddress & LIBUSB_ENDPOINT_IN ? &s->bulk_in : &s->bulk_out) =
+                end->bEndpointAddress;
         }
         there = s->bulk_in && s->bulk_out;
         s->interface = setting->bInterfaceNumber;
@@ -154,7 +166,8 @@ static bool find_bulk(usb_source *s, libusb_device *device) {
     return there;
 }
 
-static int open_device(usb_source *s, libusb_device *device, const struct libusb_device_descriptor *d, bool quiet) {
+static int open_device(usb_source *s, libusb_device *device, const struct libusb_device_descriptor *d,
+                       bool quiet) {
     const fathom_source_options *o = &s->base.base.options;
     char place[64], problem[256], serial[64];
     place_of(device, place, sizeof place);
@@ -169,7 +182,8 @@ static int open_device(usb_source *s, libusb_device *device, const struct libusb
     if (!error && s->kind == MTI) {
         if (!find_bulk(s, device))
             return quiet ? FATHOM_ERROR_PROTOCOL
-                         : source_fail(o, FATHOM_ERROR_PROTOCOL, "usb: %s has no interface with bulk endpoints", place);
+                         : source_fail(o, FATHOM_ERROR_PROTOCOL,
+                                       "usb: %s has no interface with bulk endpoints", place);
         libusb_set_auto_detach_kernel_driver(s->handle, 1);
         error = libusb_claim_interface(s->handle, s->interface);
         if (error) s->interface = -1;
@@ -197,7 +211,8 @@ static int find_and_open(imu_source *base, bool quiet) {
     if (error) {
         s->context = NULL;
         return quiet ? FATHOM_ERROR_UNSUPPORTED
-                     : source_fail(o, FATHOM_ERROR_UNSUPPORTED, "usb: libusb doesn't start: %s", libusb_error_name(error));
+                     : source_fail(o, FATHOM_ERROR_UNSUPPORTED, "usb: libusb doesn't start: %s",
+                                   libusb_error_name(error));
     }
     s->interface = -1;
     const ssize_t count = libusb_get_device_list(s->context, &list);
@@ -212,7 +227,8 @@ static int find_and_open(imu_source *base, bool quiet) {
     }
     if (count >= 0) libusb_free_device_list(list, 1);
     if (result && !said && !quiet)
-        source_fail(o, result, "usb:%s: no such device; 'fathom devices' lists what there is", s->address.what);
+        source_fail(o, result, "usb:%s: no such device; 'fathom devices' lists what there is",
+                    s->address.what);
     return result;
 }
 
@@ -235,7 +251,8 @@ static void take_bulk(usb_source *s, const uint8_t *bytes, size_t length) {
         taken += xbus_take(&s->parser, bytes + taken, length - taken, &message, &whole);
         if (!whole) break;
         if (message.id == XBUS_ERROR)
-            source_warn(&s->base.base.options, "%s: reports error %d", s->base.name, message.length ? message.data[0] : -1);
+            source_warn(&s->base.base.options, "%s: reports error %d", s->base.name,
+                        message.length ? message.data[0] : -1);
         if (message.id != XBUS_MTDATA2) continue;
         imu_reading reading;
         const mtdata2_result r = mtdata2_read(&s->data, message.data, message.length, arrival_ns, &reading);
@@ -247,8 +264,10 @@ static void take_bulk(usb_source *s, const uint8_t *bytes, size_t length) {
         }
         s->silent = r == MTDATA2_OTHER ? s->silent + 1 : 0;
         if (s->silent == WARN_SILENT)
-            source_warn(&s->base.base.options, "%s: sends no rate of turn or acceleration: set its output so, or open it with "
-                        "?configure=yes", s->base.name);
+            source_warn(&s->base.base.options,
+                        "%s: sends no rate of turn or acceleration: set its output so, or open it with "
+                        "?configure=yes",
+                        s->base.name);
     }
     if (s->parser.broken > broken) source_queue_count_malformed(&s->base.queue, s->parser.broken - broken);
 }
@@ -256,7 +275,8 @@ static void take_bulk(usb_source *s, const uint8_t *bytes, size_t length) {
 static void take_control(usb_source *s, const usb_slot *slot) {
     imu_reading reading;
     const int64_t now_ns = monotonic_now_ns();
-    if (!kinect_motor_read(libusb_control_transfer_get_data(slot->transfer), (size_t)slot->transfer->actual_length, &reading)) {
+    if (!kinect_motor_read(libusb_control_transfer_get_data(slot->transfer),
+                           (size_t)slot->transfer->actual_length, &reading)) {
         source_queue_count_malformed(&s->base.queue, 1);
         return;
     }
@@ -278,7 +298,7 @@ static void LIBUSB_CALL done(struct libusb_transfer *transfer) {
             take_control(s, slot);
         break;
     case LIBUSB_TRANSFER_NO_DEVICE: s->gone = true; break;
-    case LIBUSB_TRANSFER_STALL: s->halted = true; /* fall through */
+    case LIBUSB_TRANSFER_STALL: s->halted = true;                                   /* fall through */
     case LIBUSB_TRANSFER_OVERFLOW: source_queue_count_malformed(&s->base.queue, 1); /* fall through */
     case LIBUSB_TRANSFER_ERROR: /* some host controllers say so when a device goes */
         if (++s->errors >= MOST_ERRORS) s->gone = true;
@@ -334,7 +354,8 @@ static int configure(usb_source *s) {
     const double wanted = s->base.base.options.rate_hz > 0 ? s->base.base.options.rate_hz : 100;
     const uint16_t rate = (uint16_t)(wanted > 2000 ? 2000 : wanted);
     const uint8_t high = (uint8_t)(rate >> 8), low = (uint8_t)rate;
-    const uint8_t outputs[] = {0x10, 0x20, 0xFF, 0xFF, 0x10, 0x60, 0xFF, 0xFF, 0x40, 0x20, high, low, 0x80, 0x20, high, low};
+    const uint8_t outputs[] = {0x10, 0x20, 0xFF, 0xFF, 0x10, 0x60, 0xFF, 0xFF,
+                               0x40, 0x20, high, low,  0x80, 0x20, high, low};
     const int error = send_message(s, XBUS_GO_TO_CONFIG, NULL, 0);
     return error ? error : send_message(s, XBUS_SET_OUTPUT_CONFIGURATION, outputs, sizeof outputs);
 }
@@ -351,10 +372,12 @@ static int begin(imu_source *base) {
     if (result || s->kind == KINECT_MOTOR) return result;
     for (int i = 0; i < s->slot_count; i++) {
         usb_slot *slot = &s->slots[i];
-        libusb_fill_bulk_transfer(slot->transfer, s->handle, s->bulk_in, slot->bytes, TRANSFER_BYTES, done, slot, 0);
+        libusb_fill_bulk_transfer(slot->transfer, s->handle, s->bulk_in, slot->bytes, TRANSFER_BYTES, done,
+                                  slot, 0);
         if (submit(slot)) {
             cancel_all(s);
-            return source_fail(o, s->gone ? FATHOM_ERROR_UNPLUGGED : FATHOM_ERROR_PROTOCOL, "%s: no transfers", base->name);
+            return source_fail(o, s->gone ? FATHOM_ERROR_UNPLUGGED : FATHOM_ERROR_PROTOCOL,
+                               "%s: no transfers", base->name);
         }
     }
     int error = s->configure ? configure(s) : 0;
@@ -373,9 +396,12 @@ static int ask_motor(usb_source *s) {
     const int64_t now_ns = monotonic_now_ns();
     if (slot->pending) return IMU_SOURCE_SLICE_MS;
     if (now_ns >= s->due_ns) {
-        const double rate = s->base.base.options.rate_hz > 0 ? s->base.base.options.rate_hz : KINECT_MOTOR_USUAL_HZ;
-        s->due_ns = (s->due_ns && now_ns - s->due_ns < 100000000 ? s->due_ns : now_ns) + (int64_t)(1e9 / rate);
-        libusb_fill_control_setup(slot->bytes, KINECT_MOTOR_REQUEST_TYPE, KINECT_MOTOR_REQUEST, 0, 0, KINECT_MOTOR_BYTES);
+        const double rate =
+            s->base.base.options.rate_hz > 0 ? s->base.base.options.rate_hz : KINECT_MOTOR_USUAL_HZ;
+        s->due_ns =
+            (s->due_ns && now_ns - s->due_ns < 100000000 ? s->due_ns : now_ns) + (int64_t)(1e9 / rate);
+        libusb_fill_control_setup(slot->bytes, KINECT_MOTOR_REQUEST_TYPE, KINECT_MOTOR_REQUEST, 0, 0,
+                                  KINECT_MOTOR_BYTES);
         libusb_fill_control_transfer(slot->transfer, s->handle, slot->bytes, done, slot, COMMAND_MS);
         if (submit(slot) && ++s->errors >= MOST_ERRORS) s->gone = true;
         return IMU_SOURCE_SLICE_MS;
@@ -446,10 +472,12 @@ static bool parse_what(usb_source *s) {
 static int open_source(fathom_source **source, const char *address, const fathom_source_options *options) {
     source_address parsed;
     if (!address_parse(&parsed, address))
-        return source_fail(options, FATHOM_ERROR_ARGUMENT, "usb:%s: settings are ?key=value&key=value", address);
+        return source_fail(options, FATHOM_ERROR_ARGUMENT, "usb:%s: settings are ?key=value&key=value",
+                           address);
     const char *wish = address_setting(&parsed, "configure");
     if (address_unknown(&parsed) || (wish && strcmp(wish, "yes") && strcmp(wish, "no")))
-        return source_fail(options, FATHOM_ERROR_ARGUMENT, "usb:%s: the one setting is configure=yes or no", address);
+        return source_fail(options, FATHOM_ERROR_ARGUMENT, "usb:%s: the one setting is configure=yes or no",
+                           address);
     usb_source *s = (usb_source *)imu_source_make(sizeof *s, &device, options);
     if (!s) return FATHOM_ERROR_MEMORY;
     s->interface = -1;
@@ -457,8 +485,10 @@ static int open_source(fathom_source **source, const char *address, const fathom
     s->address = parsed;
     if (!parse_what(s)) {
         fathom_source_close(&s->base.base);
-        return source_fail(options, FATHOM_ERROR_ARGUMENT,
-                           "usb:%s: should be usb:, usb:VENDOR:PRODUCT or usb:VENDOR:PRODUCT:SERIAL (hexadecimal)", parsed.what);
+        return source_fail(
+            options, FATHOM_ERROR_ARGUMENT,
+            "usb:%s: should be usb:, usb:VENDOR:PRODUCT or usb:VENDOR:PRODUCT:SERIAL (hexadecimal)",
+            parsed.what);
     }
     return imu_source_open(source, &s->base);
 }

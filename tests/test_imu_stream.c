@@ -51,7 +51,11 @@ static fathom_source_status counts(void) {
 
 /* A reading of one sensor, or both, whose values are its time in seconds. */
 static imu_reading at(bool gyro, bool accel, int64_t device_ns) {
-    imu_reading r = {.has_gyro = gyro, .has_accel = accel, .samples = 1, .times = device_ns >= 0, .device_ns = {device_ns}};
+    imu_reading r = {.has_gyro = gyro,
+                     .has_accel = accel,
+                     .samples = 1,
+                     .times = device_ns >= 0,
+                     .device_ns = {device_ns}};
     for (int i = 0; i < 3; i++) r.gyro[0][i] = r.accel[0][i] = (double)device_ns * 1e-9;
     return r;
 }
@@ -68,7 +72,8 @@ static void sensors_are_paired_by_their_stamps(void **state) {
             gyros++;
         }
         if (t % (13333333) < MS / 3) {
-            const imu_reading r = at(false, true, t + 5000 * MS - 4 * MS); /* 4 ms older than when it is sent */
+            const imu_reading r =
+                at(false, true, t + 5000 * MS - 4 * MS); /* 4 ms older than when it is sent */
             imu_stream_take(&stream, &r, host + 3 * MS);
         }
     }
@@ -76,10 +81,12 @@ static void sensors_are_paired_by_their_stamps(void **state) {
     assert_in_range(n, gyros - 5, gyros); /* the last ones wait */
     int known = 0;
     for (int i = 0; i < n; i++) {
-        assert_true(fabs((double)(samples[i].timestamp_ns - 1002 * MS) * 1e-9 - (samples[i].gyro[0] - 5)) < 3e-3);
+        assert_true(fabs((double)(samples[i].timestamp_ns - 1002 * MS) * 1e-9 - (samples[i].gyro[0] - 5)) <
+                    3e-3);
         if (isnan(samples[i].accel[0])) continue;
         known++;
-        if (i > 8) assert_true(fabs(samples[i].accel[0] - samples[i].gyro[0]) < 1e-3); /* interpolated to its time */
+        if (i > 8)
+            assert_true(fabs(samples[i].accel[0] - samples[i].gyro[0]) < 1e-3); /* interpolated to its time */
     }
     assert_true(known > n - 5);
     assert_true(fabs(counts().clock_offset_s + 3.998) < 2e-3);
@@ -98,7 +105,8 @@ static void an_accelerometer_that_dies_is_not_waited_for(void **state) {
     assert_int_equal(n, 1000); /* none waits any more */
     assert_false(isnan(samples[290].accel[0]));
     assert_true(isnan(samples[330].accel[0]) && isnan(samples[999].accel[2]));
-    for (int i = 0; i < 300; i++) assert_true(isnan(samples[i].accel[0]) || fabs(samples[i].accel[0] - samples[i].gyro[0]) < 6e-3);
+    for (int i = 0; i < 300; i++)
+        assert_true(isnan(samples[i].accel[0]) || fabs(samples[i].accel[0] - samples[i].gyro[0]) < 6e-3);
 }
 
 static void without_an_accelerometer(void **state) {
@@ -138,7 +146,8 @@ static void batches_are_spread(void **state) {
         imu_stream_take(&stream, &r, 1000 * MS + i * 15 * MS + rand() % MS);
     }
     assert_int_equal(take_all(), 300);
-    for (int i = 3; i < 300; i += 3) assert_int_equal(samples[i + 1].timestamp_ns - samples[i].timestamp_ns, 5 * MS);
+    for (int i = 3; i < 300; i += 3)
+        assert_int_equal(samples[i + 1].timestamp_ns - samples[i].timestamp_ns, 5 * MS);
     /* four samples with the last one's stamp: the rest between it and the report before */
     imu_stream_restart(&stream, false);
     for (int i = 0; i < 100; i++) {
@@ -200,8 +209,18 @@ static void iio_formats(void **state) {
     assert_true(iio_value(&f, bytes) < 0);
     assert_true(iio_format_parse("le:u8/8", &f));
     assert_int_equal(iio_value(&f, bytes + 3), 0xF8);
-    static const char *const wrong[] = {"",           "le",           "xx:s16/16>>0",  "le:q16/16>>0", "le:s17/16>>0",
-                                        "le:s0/16>>0", "be:s-1/16>>4", "le:s16/16>>-1", "le:s12/16>>5", "le:s16/24>>0", "le:s16/16X2>>0", "le:s16/16>>"};
+    static const char *const wrong[] = {"",
+                                        "le",
+                                        "xx:s16/16>>0",
+                                        "le:q16/16>>0",
+                                        "le:s17/16>>0",
+                                        "le:s0/16>>0",
+                                        "be:s-1/16>>4",
+                                        "le:s16/16>>-1",
+                                        "le:s12/16>>5",
+                                        "le:s16/24>>0",
+                                        "le:s16/16X2>>0",
+                                        "le:s16/16>>"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
         if (iio_format_parse(wrong[i], &f)) fail_msg("'%s' was taken", wrong[i]);
 }
@@ -212,8 +231,13 @@ static void mount_matrices(void **state) {
     assert_true(iio_mount_matrix_parse("0, 1, 0; -1, 0, 0; 0, 0, 1\n", m));
     iio_mount(m, v);
     assert_true(v[0] == 2 && v[1] == -1 && v[2] == 3);
-    static const char *const wrong[] = {"", "1, 0, 0; 0, 1, 0", "0, 0, 0; 0, 0, 0; 0, 0, 0", "2, 0, 0; 0, 1, 0; 0, 0, 1",
-                                        "1, 1, 0; 0, 1, 0; 0, 0, 1", "nan, 0, 0; 0, 1, 0; 0, 0, 1", "(null)"};
+    static const char *const wrong[] = {"",
+                                        "1, 0, 0; 0, 1, 0",
+                                        "0, 0, 0; 0, 0, 0; 0, 0, 0",
+                                        "2, 0, 0; 0, 1, 0; 0, 0, 1",
+                                        "1, 1, 0; 0, 1, 0; 0, 0, 1",
+                                        "nan, 0, 0; 0, 1, 0; 0, 0, 1",
+                                        "(null)"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         assert_false(iio_mount_matrix_parse(wrong[i], m));
         assert_true(m[0] == 1 && m[1] == 0 && m[8] == 1);

@@ -113,7 +113,8 @@ static void increments_become_rates(void **state) {
         item(0x8033, 4, q);
         item(0x4013, 3, v);
         const mtdata2_result result = mtdata2_read(&s, data, used, 1 + round * 10000000, &r);
-        assert_int_equal(result, round ? MTDATA2_READING : MTDATA2_OTHER); /* the first has no time before it */
+        assert_int_equal(result,
+                         round ? MTDATA2_READING : MTDATA2_OTHER); /* the first has no time before it */
         if (!round) continue;
         for (int i = 0; i < 3; i++) {
             assert_true(fabs(r.gyro[0][i] - gyro[i]) < 1e-9);
@@ -162,7 +163,8 @@ static void messages_in_any_pieces(void **state) {
     for (int i = 0; i < messages; i++) {
         uint8_t payload[2048];
         const size_t size = i % 3 ? (size_t)i % 40 : (size_t)(i * 7 % 1500);
-        for (size_t k = 0; k < size; k++) payload[k] = (uint8_t)(k % 5 ? i + (int)k : 0xFA); /* preambles within */
+        for (size_t k = 0; k < size; k++)
+            payload[k] = (uint8_t)(k % 5 ? i + (int)k : 0xFA); /* preambles within */
         length += xbus_build(stream + length, sizeof stream - length, (uint8_t)i, payload, size);
         if (i % 4 == 0) { /* noise between */
             stream[length++] = 0xFA;

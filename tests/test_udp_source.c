@@ -34,10 +34,12 @@ static udp_line_result parse(udp_format format, const char *text) {
 
 static void comma_separated_lines(void **state) {
     (void)state;
-    assert_int_equal(parse(UDP_FORMAT_ANY, "890.715, 3, -0.07, 9.19, 2.47, 4, 0.01,-0.03, 0.5, 5, 12.1, -3.0, 40.2\r"),
-                     UDP_LINE_READING);
+    assert_int_equal(
+        parse(UDP_FORMAT_ANY, "890.715, 3, -0.07, 9.19, 2.47, 4, 0.01,-0.03, 0.5, 5, 12.1, -3.0, 40.2\r"),
+        UDP_LINE_READING);
     assert_true(line.has_gyro && line.has_accel && !line.has_count);
-    assert_true(line.time == 890.715 && line.accel[1] == 9.19 && line.gyro[1] == -0.03 && line.gyro[2] == 0.5);
+    assert_true(line.time == 890.715 && line.accel[1] == 9.19 && line.gyro[1] == -0.03 &&
+                line.gyro[2] == 0.5);
     assert_int_equal(parse(UDP_FORMAT_CSV, "1,85,1013.2,4,1,2,3,86,31"), UDP_LINE_READING);
     assert_true(line.has_gyro && !line.has_accel);
     assert_int_equal(parse(UDP_FORMAT_ANY, "1e3, 3, 1, 2, 3"), UDP_LINE_READING);
@@ -45,10 +47,10 @@ static void comma_separated_lines(void **state) {
     assert_int_equal(parse(UDP_FORMAT_ANY, "12.5, 5, 1, 2, 3"), UDP_LINE_OTHER);
     assert_int_equal(parse(UDP_FORMAT_ANY, "12.5"), UDP_LINE_OTHER);
     assert_int_equal(parse(UDP_FORMAT_ANY, " \r"), UDP_LINE_OTHER);
-    static const char *const wrong[] = {"hello",          "1,",           "1,3",           "1,3,1,2",        "1,3,1,2,",
-                                        "1,3,1,2,nan",    "1,3,1,2,inf",  "1,3,1,2,0x10",  "1,3,1,2,1e999",  "1,3.5,1,2,3",
-                                        "1,3,1,2,3,",     "1,3,1,2,3 4",  "1;3;1;2;3",     "nan,3,1,2,3",    "--1,3,1,2,3",
-                                        "1,99999,1,2,3",  "1,3,1,2,3,4",  "1,3,,2,3"};
+    static const char *const wrong[] = {
+        "hello",       "1,",           "1,3",           "1,3,1,2",       "1,3,1,2,",    "1,3,1,2,nan",
+        "1,3,1,2,inf", "1,3,1,2,0x10", "1,3,1,2,1e999", "1,3.5,1,2,3",   "1,3,1,2,3,",  "1,3,1,2,3 4",
+        "1;3;1;2;3",   "nan,3,1,2,3",  "--1,3,1,2,3",   "1,99999,1,2,3", "1,3,1,2,3,4", "1,3,,2,3"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         if (parse(UDP_FORMAT_ANY, wrong[i]) != UDP_LINE_MALFORMED) fail_msg("'%s' was taken", wrong[i]);
         assert_false(line.has_gyro || line.has_accel);
@@ -58,12 +60,15 @@ static void comma_separated_lines(void **state) {
 
 static void json_lines(void **state) {
     (void)state;
-    assert_int_equal(parse(UDP_FORMAT_ANY, " {\"t\": 890.715, \"gyro\": [0.01, -0.03, 0.5], \"accel\":[1,2,3], \"n\": 17 } "),
+    assert_int_equal(parse(UDP_FORMAT_ANY,
+                           " {\"t\": 890.715, \"gyro\": [0.01, -0.03, 0.5], \"accel\":[1,2,3], \"n\": 17 } "),
                      UDP_LINE_READING);
     assert_true(line.has_gyro && line.has_accel && line.has_count);
     assert_true(line.time == 890.715 && line.gyro[1] == -0.03 && line.accel[2] == 3 && line.count == 17);
-    assert_int_equal(parse(UDP_FORMAT_JSON, "{\"gyro\":[1,2,3],\"extra\":{\"a\":[1,\"}\\\"\",true,null,{}],\"b\":[]},\"t\":4}"),
-                     UDP_LINE_READING);
+    assert_int_equal(
+        parse(UDP_FORMAT_JSON,
+              "{\"gyro\":[1,2,3],\"extra\":{\"a\":[1,\"}\\\"\",true,null,{}],\"b\":[]},\"t\":4}"),
+        UDP_LINE_READING);
     assert_int_equal(parse(UDP_FORMAT_JSON, "{\"t\":1,\"name\":\"phone\"}"), UDP_LINE_OTHER);
     assert_int_equal(parse(UDP_FORMAT_JSON, "{}"), UDP_LINE_OTHER);
     static const char *const wrong[] = {"{",
@@ -93,8 +98,9 @@ static void json_lines(void **state) {
 
 static void damaged_lines_are_harmless(void **state) {
     (void)state;
-    static const char *const good[] = {"890.715, 3, -0.07, 9.19, 2.47, 4, 0.01,-0.03, 0.5",
-                                       "{\"t\": 890.715, \"gyro\": [0.01, -0.03, 0.5], \"accel\":[1,2,3], \"x\":[{}]}"};
+    static const char *const good[] = {
+        "890.715, 3, -0.07, 9.19, 2.47, 4, 0.01,-0.03, 0.5",
+        "{\"t\": 890.715, \"gyro\": [0.01, -0.03, 0.5], \"accel\":[1,2,3], \"x\":[{}]}"};
     srand(2);
     for (int round = 0; round < 20000; round++) {
         const char *from = good[round % 2];
@@ -179,13 +185,15 @@ static void a_phone_that_streams(void **state) {
     const int64_t start_ns = monotonic_now_ns();
     for (int i = 0; i < most; i++) { /* its clock shows 50000 s more, and stamps are 3 ms old when sent */
         const int64_t now_ns = monotonic_now_ns();
-        snprintf(text, sizeof text, "%.6f, 3, 0.1, 0.2, 9.8, 4, %.6f, 0, 0", 50000 + (double)(now_ns - start_ns) * 1e-9 - 0.003,
-                 (double)(now_ns - start_ns) * 1e-9);
+        snprintf(text, sizeof text, "%.6f, 3, 0.1, 0.2, 9.8, 4, %.6f, 0, 0",
+                 50000 + (double)(now_ns - start_ns) * 1e-9 - 0.003, (double)(now_ns - start_ns) * 1e-9);
         say(s, text);
         usleep(5000);
-        while (fathom_source_wait(source, 0) == FATHOM_OK) n += fathom_source_read_imu(source, got + n, 256 - n);
+        while (fathom_source_wait(source, 0) == FATHOM_OK)
+            n += fathom_source_read_imu(source, got + n, 256 - n);
     }
-    while (n < most && fathom_source_wait(source, 500) == FATHOM_OK) n += fathom_source_read_imu(source, got + n, 256 - n);
+    while (n < most && fathom_source_wait(source, 500) == FATHOM_OK)
+        n += fathom_source_read_imu(source, got + n, 256 - n);
     assert_int_equal(n, most);
     double worst = 0;
     for (int i = 20; i < n; i++) {
@@ -195,8 +203,8 @@ static void a_phone_that_streams(void **state) {
         assert_true(fabsf(got[i].accel[2] - 9.8f) < 1e-5f);
     }
     const fathom_source_status status = status_of(source);
-    print_message("# 200 datagrams: stamps within %.2f ms, %.0f a second, offset %.4f s\n", 1e3 * worst, status.rate_hz,
-                  status.clock_offset_s);
+    print_message("# 200 datagrams: stamps within %.2f ms, %.0f a second, offset %.4f s\n", 1e3 * worst,
+                  status.rate_hz, status.clock_offset_s);
     assert_true(worst < 0.01);
     assert_int_equal(status.samples, most);
     assert_int_equal(status.malformed, 0);
@@ -213,7 +221,8 @@ static void units_and_signs_are_settings(void **state) {
     (void)state;
     fathom_source *source = listen_with("?format=json&time=ms&gyro=deg&accel=g&sign=gravity");
     const int s = phone();
-    say(s, "{\"t\":1000,\"gyro\":[180,0,0],\"accel\":[0,0,-1]}\n{\"t\":1005,\"gyro\":[180,0,0],\"accel\":[0,0,-1]}\n");
+    say(s, "{\"t\":1000,\"gyro\":[180,0,0],\"accel\":[0,0,-1]}\n{\"t\":1005,\"gyro\":[180,0,0],\"accel\":[0,"
+           "0,-1]}\n");
     assert_int_equal(settle(source, 2, 0).samples, 2);
     fathom_imu_sample got[2];
     assert_int_equal(fathom_source_read_imu(source, got, 2), 2);
@@ -232,7 +241,8 @@ static void lines_of_one_sensor_each(void **state) {
         const double t = (double)(monotonic_now_ns() - start_ns) * 1e-9;
         snprintf(text, sizeof text, "{\"t\":%.6f,\"gyro\":[%.6f,0,0],\"n\":%d}", 7 + t, t, 2 * i);
         say(s, text);
-        snprintf(text, sizeof text, "{\"t\":%.6f,\"accel\":[%.6f,0,0],\"n\":%d}", 7.002 + t, 0.002 + t, 2 * i + 1);
+        snprintf(text, sizeof text, "{\"t\":%.6f,\"accel\":[%.6f,0,0],\"n\":%d}", 7.002 + t, 0.002 + t,
+                 2 * i + 1);
         if (i != 50) say(s, text); /* that one gets lost */
         usleep(5000);
     }
@@ -241,7 +251,8 @@ static void lines_of_one_sensor_each(void **state) {
     assert_int_equal(status.lost, 1);
     fathom_imu_sample got[128];
     assert_int_equal(fathom_source_read_imu(source, got, 128), 100);
-    for (int i = 10; i < 99; i++) assert_true(fabsf(got[i].accel[0] - got[i].gyro[0]) < 1e-3f); /* brought to one time */
+    for (int i = 10; i < 99; i++)
+        assert_true(fabsf(got[i].accel[0] - got[i].gyro[0]) < 1e-3f); /* brought to one time */
     close(s);
     fathom_source_close(source);
 }

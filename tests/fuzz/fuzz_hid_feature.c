@@ -26,7 +26,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     hid_fixed_init(&device, m, report, length);
     for (int i = 0; i < 3; i++)
         if (!(fabs(device.calibration.gyro_scale[i] / m->gyro_scale) < 2) ||
-            !(fabs(device.calibration.accel_scale[i] / m->accel_scale) < 2) || !isfinite(device.calibration.accel_bias[i]))
+            !(fabs(device.calibration.accel_scale[i] / m->accel_scale) < 2) ||
+            !isfinite(device.calibration.accel_bias[i]))
             abort();
     free(report);
     return 0;

@@ -26,7 +26,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (address_parse(&address, text)) address_setting(&address, "format");
     iio_format format;
     double matrix[9];
-    if (iio_format_parse(text, &format)) iio_value(&format, (const uint8_t *)"\xFF\x01\x80\x7F\xFF\x01\x80\x7F");
+    if (iio_format_parse(text, &format))
+        iio_value(&format, (const uint8_t *)"\xFF\x01\x80\x7F\xFF\x01\x80\x7F");
     iio_mount_matrix_parse(text, matrix);
     for (int i = 0; i < 9; i++)
         if (!(fabs(matrix[i]) < 2)) abort();

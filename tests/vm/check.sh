@@ -35,7 +35,7 @@ else
     how="-accel tcg -cpu max -smp 1"
 fi
 # shellcheck disable=SC2086
-timeout "${VM_TIMEOUT:-600}" qemu-system-x86_64 $how -m 512 -nodefaults -no-user-config -display none -serial stdio -no-reboot \
+timeout "${VM_TIMEOUT:-600}" qemu-system-x86_64 $how -m "${VM_MEMORY:-512}" -nodefaults -no-user-config -display none -serial stdio -no-reboot \
     -kernel "$(ls "$work"/kernel/boot/vmlinuz-*)" -initrd "$work/image.gz" \
     -append "console=ttyS0 quiet loglevel=3 panic=-1 mitigations=off random.trust_cpu=on nokaslr tsc=reliable vm_tests=${VM_TESTS:-*}" \
     </dev/null >"$work/console.log" 2>"$work/qemu.log"

@@ -12,12 +12,12 @@ static void put16(uint8_t *at, int value) {
 /* ---- DualSense ---- */
 
 static const uint8_t dualsense_descriptor[] = {
-    0x05, 0x01, 0x09, 0x05, 0xA1, 0x01, 0x06, 0x00, 0xFF, 0x15, 0x00, 0x26, 0xFF, 0x00, 0x75, 0x08,
-    0x85, 0x01, 0x09, 0x20, 0x95, 0x3F, 0x81, 0x02, /* input 1 */
-    0x85, 0x02, 0x09, 0x21, 0x95, 0x2F, 0x91, 0x02, /* output 2 */
-    0x85, 0x05, 0x09, 0x22, 0x95, 0x28, 0xB1, 0x02, /* calibration */
-    0x85, 0x09, 0x09, 0x23, 0x95, 0x13, 0xB1, 0x02, /* address */
-    0x85, 0x20, 0x09, 0x24, 0x95, 0x3F, 0xB1, 0x02, /* firmware */
+    0x05, 0x01, 0x09, 0x05, 0xA1, 0x01, 0x06, 0x00, 0xFF, 0x15, 0x00, 0x26,
+    0xFF, 0x00, 0x75, 0x08, 0x85, 0x01, 0x09, 0x20, 0x95, 0x3F, 0x81, 0x02, /* input 1 */
+    0x85, 0x02, 0x09, 0x21, 0x95, 0x2F, 0x91, 0x02,                         /* output 2 */
+    0x85, 0x05, 0x09, 0x22, 0x95, 0x28, 0xB1, 0x02,                         /* calibration */
+    0x85, 0x09, 0x09, 0x23, 0x95, 0x13, 0xB1, 0x02,                         /* address */
+    0x85, 0x20, 0x09, 0x24, 0x95, 0x3F, 0xB1, 0x02,                         /* firmware */
     0xC0};
 
 /* 16 counts a deg/s, 8192 a g. */
@@ -78,16 +78,17 @@ virtual_hid_kind virtual_dualsense(const char *address) {
 
 #define USAGE(u) 0x0A, (u)&255, (u) >> 8
 #define AXIS(u) USAGE(u), 0x81, 0x02
-#define SELECTOR(property, first, count)                                                                               \
-    USAGE(property), 0x15, 0x00, 0x25, (count)-1, 0x75, 0x08, 0x95, 0x01, 0xA1, 0x02, 0x1A, (first)&255, (first) >> 8,  \
-        0x2A, ((first) + (count)-1) & 255, ((first) + (count)-1) >> 8, 0xB1, 0x00, 0xC0
-#define SENSOR(id, usage, exponent, x)                                                                                 \
-    0x85, id, 0x09, usage, 0xA1, 0x00, SELECTOR(0x316, 0x840, 6), SELECTOR(0x319, 0x850, 6), USAGE(0x30E), 0x15, 0x00,  \
-        0x27, 0xFF, 0xFF, 0xFF, 0x7F, 0x75, 0x20, 0x95, 0x01, 0x55, 0x00, 0xB1, 0x02, 0x16, 0x01, 0x80, 0x26, 0xFF,     \
-        0x7F, 0x75, 0x10, 0x95, 0x01, 0x55, exponent, AXIS(x), AXIS((x) + 1), AXIS((x) + 2), 0xC0
+#define SELECTOR(property, first, count)                                                                     \
+    USAGE(property), 0x15, 0x00, 0x25, (count)-1, 0x75, 0x08, 0x95, 0x01, 0xA1, 0x02, 0x1A, (first)&255,     \
+        (first) >> 8, 0x2A, ((first) + (count)-1) & 255, ((first) + (count)-1) >> 8, 0xB1, 0x00, 0xC0
+#define SENSOR(id, usage, exponent, x)                                                                       \
+    0x85, id, 0x09, usage, 0xA1, 0x00, SELECTOR(0x316, 0x840, 6), SELECTOR(0x319, 0x850, 6), USAGE(0x30E),   \
+        0x15, 0x00, 0x27, 0xFF, 0xFF, 0xFF, 0x7F, 0x75, 0x20, 0x95, 0x01, 0x55, 0x00, 0xB1, 0x02, 0x16,      \
+        0x01, 0x80, 0x26, 0xFF, 0x7F, 0x75, 0x10, 0x95, 0x01, 0x55, exponent, AXIS(x), AXIS((x) + 1),        \
+        AXIS((x) + 2), 0xC0
 
-static const uint8_t sensor_descriptor[] = {0x05, 0x20, 0x09, 0x01, 0xA1, 0x01, SENSOR(1, 0x73, 0x0E, 0x453),
-                                            SENSOR(2, 0x76, 0x0F, 0x457), 0xC0};
+static const uint8_t sensor_descriptor[] = {
+    0x05, 0x20, 0x09, 0x01, 0xA1, 0x01, SENSOR(1, 0x73, 0x0E, 0x453), SENSOR(2, 0x76, 0x0F, 0x457), 0xC0};
 
 static int sensor_feature(virtual_hid *device, uint8_t id, uint8_t *report) {
     if (id != 1 && id != 2) return -1;
@@ -117,14 +118,36 @@ virtual_hid_kind virtual_hid_sensor(void) {
 
 /* ---- on USB ---- */
 
-#define DEVICE(vendor, product, class)                                                                                 \
-    {18, 1, 0x00, 0x02, class, 0, 0, 64, (vendor)&255, (vendor) >> 8, (product)&255, (product) >> 8, 0, 1, 1, 2, 3, 1}
+#define DEVICE(vendor, product, class)                                                                       \
+    {                                                                                                        \
+        18, 1, 0x00, 0x02, class, 0, 0, 64, (vendor)&255, (vendor) >> 8, (product)&255, (product) >> 8, 0,   \
+            1, 1, 2, 3, 1                                                                                    \
+    }
 #define CONFIG(length, interfaces) 9, 2, (length)&255, (length) >> 8, interfaces, 1, 0, 0xC0, 50
 #define ENDPOINT(address, type, size, interval) 7, 5, address, type, (size)&255, (size) >> 8, interval
 
 static const uint8_t dualsense_device[] = DEVICE(0x054C, 0x0CE6, 0);
-static const uint8_t dualsense_config[] = {CONFIG(41, 1), 9, 4, 0, 0, 2, 3, 0, 0, 0, 9, 0x21, 0x11, 0x01, 0, 1, 0x22,
-                                           sizeof dualsense_descriptor, 0, ENDPOINT(0x81, 3, 64, 4), ENDPOINT(0x03, 3, 64, 6)};
+static const uint8_t dualsense_config[] = {CONFIG(41, 1),
+                                           9,
+                                           4,
+                                           0,
+                                           0,
+                                           2,
+                                           3,
+                                           0,
+                                           0,
+                                           0,
+                                           9,
+                                           0x21,
+                                           0x11,
+                                           0x01,
+                                           0,
+                                           1,
+                                           0x22,
+                                           sizeof dualsense_descriptor,
+                                           0,
+                                           ENDPOINT(0x81, 3, 64, 4),
+                                           ENDPOINT(0x03, 3, 64, 6)};
 
 static int dualsense_control(virtual_usb *device, const uint8_t setup[8], uint8_t *data) {
     (void)device;
@@ -132,23 +155,27 @@ static int dualsense_control(virtual_usb *device, const uint8_t setup[8], uint8_
         memcpy(data, dualsense_descriptor, sizeof dualsense_descriptor);
         return sizeof dualsense_descriptor;
     }
-    if (setup[0] == 0xA1 && setup[1] == 1) return dualsense_feature(setup[2], data, "\x66\x55\x44\x33\x22\x11");
+    if (setup[0] == 0xA1 && setup[1] == 1)
+        return dualsense_feature(setup[2], data, "\x66\x55\x44\x33\x22\x11");
     return setup[0] & 0x80 ? -1 : 0; /* set idle, output reports */
 }
 
 virtual_usb_kind virtual_usb_dualsense(void) {
-    return (virtual_usb_kind){.port = 0,
-                              .device = dualsense_device,
-                              .config = dualsense_config,
-                              .strings = {"Sony Interactive Entertainment", "DualSense Wireless Controller", "USB0001"},
-                              .control = dualsense_control};
+    return (virtual_usb_kind){
+        .port = 0,
+        .device = dualsense_device,
+        .config = dualsense_config,
+        .strings = {"Sony Interactive Entertainment", "DualSense Wireless Controller", "USB0001"},
+        .control = dualsense_control};
 }
 
 static const uint8_t mti_device[] = DEVICE(0x2639, 0x0300, 0xFF);
-static const uint8_t mti_config[] = {CONFIG(32, 1), 9, 4, 0, 0, 2, 0xFF, 0, 0, 0, ENDPOINT(0x82, 2, 512, 0), ENDPOINT(0x02, 2, 512, 0)};
+static const uint8_t mti_config[] = {
+    CONFIG(32, 1), 9, 4, 0, 0, 2, 0xFF, 0, 0, 0, ENDPOINT(0x82, 2, 512, 0), ENDPOINT(0x02, 2, 512, 0)};
 
 virtual_usb_kind virtual_mti(const char *serial) {
-    return (virtual_usb_kind){.port = 1, .device = mti_device, .config = mti_config, .strings = {"Xsens", "MTi", serial}};
+    return (virtual_usb_kind){
+        .port = 1, .device = mti_device, .config = mti_config, .strings = {"Xsens", "MTi", serial}};
 }
 
 static const uint8_t kinect_device[] = DEVICE(0x045E, 0x02B0, 0);

@@ -45,7 +45,10 @@ static void write_all(virtual_usb *d, const packet *head, const uint8_t *data, s
 }
 
 static void reply(virtual_usb *d, uint32_t sequence, int status, const uint8_t *data, uint32_t length) {
-    packet head = {.command = htonl(SUBMITTED), .sequence = htonl(sequence), .a = htonl((uint32_t)status), .length = htonl(length)};
+    packet head = {.command = htonl(SUBMITTED),
+                   .sequence = htonl(sequence),
+                   .a = htonl((uint32_t)status),
+                   .length = htonl(length)};
     write_all(d, &head, data, data ? length : 0);
 }
 
@@ -96,7 +99,8 @@ static void control(virtual_usb *d, const packet *asked, uint32_t sequence) {
 
 static void submit(virtual_usb *d, const packet *p) {
     static _Thread_local uint8_t data[65536];
-    const uint32_t sequence = ntohl(p->sequence), length = ntohl(p->length), endpoint = ntohl(p->endpoint) & 15;
+    const uint32_t sequence = ntohl(p->sequence), length = ntohl(p->length),
+                   endpoint = ntohl(p->endpoint) & 15;
     const bool in = ntohl(p->is_in) != 0;
     if (!in && length && (length > sizeof data || !read_all(d->socket, data, length))) return;
     if (endpoint == 0) {
@@ -107,7 +111,8 @@ static void submit(virtual_usb *d, const packet *p) {
     } else {
         pthread_mutex_lock(&d->lock);
         if (d->waiting[endpoint].count < VIRTUAL_USB_WAITING) {
-            const unsigned at = (d->waiting[endpoint].first + d->waiting[endpoint].count++) % VIRTUAL_USB_WAITING;
+            const unsigned at =
+                (d->waiting[endpoint].first + d->waiting[endpoint].count++) % VIRTUAL_USB_WAITING;
             d->waiting[endpoint].sequence[at] = sequence;
             d->waiting[endpoint].length[at] = length;
         }
@@ -122,7 +127,8 @@ static void unlink_request(virtual_usb *d, const packet *p) {
     pthread_mutex_lock(&d->lock);
     for (int e = 1; e < 16 && !found; e++)
         for (unsigned i = 0; i < d->waiting[e].count; i++) {
-            const unsigned at = (d->waiting[e].first + i) % VIRTUAL_USB_WAITING, before = (at + VIRTUAL_USB_WAITING - 1) % VIRTUAL_USB_WAITING;
+            const unsigned at = (d->waiting[e].first + i) % VIRTUAL_USB_WAITING,
+                           before = (at + VIRTUAL_USB_WAITING - 1) % VIRTUAL_USB_WAITING;
             if (found) { /* those behind it move up */
                 d->waiting[e].sequence[before] = d->waiting[e].sequence[at];
                 d->waiting[e].length[before] = d->waiting[e].length[at];
@@ -134,7 +140,8 @@ static void unlink_request(virtual_usb *d, const packet *p) {
             }
         }
     pthread_mutex_unlock(&d->lock);
-    packet head = {.command = htonl(UNLINKED), .sequence = p->sequence, .a = htonl((uint32_t)(found ? -ECONNRESET : 0))};
+    packet head = {
+        .command = htonl(UNLINKED), .sequence = p->sequence, .a = htonl((uint32_t)(found ? -ECONNRESET : 0))};
     write_all(d, &head, NULL, 0);
 }
 
@@ -157,7 +164,8 @@ int virtual_usb_plug(virtual_usb *device, const virtual_usb_kind *kind) {
     if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends)) return -1;
     device->socket = ends[0];
     const int attach = open("/sys/devices/platform/vhci_hcd.0/attach", O_WRONLY);
-    const int length = snprintf(line, sizeof line, "%d %d %d %d", kind->port, ends[1], 0x10000 + kind->port, HIGH_SPEED);
+    const int length =
+        snprintf(line, sizeof line, "%d %d %d %d", kind->port, ends[1], 0x10000 + kind->port, HIGH_SPEED);
     const bool attached = attach >= 0 && write(attach, line, (size_t)length) == length;
     if (!attached) perror("vhci attach");
     if (attach >= 0) close(attach);
@@ -174,7 +182,8 @@ bool virtual_usb_send(virtual_usb *device, int endpoint, const uint8_t *data, in
     pthread_mutex_lock(&device->lock);
     const bool there = device->waiting[endpoint].count > 0;
     const unsigned first = device->waiting[endpoint].first;
-    const uint32_t sequence = device->waiting[endpoint].sequence[first], room = device->waiting[endpoint].length[first];
+    const uint32_t sequence = device->waiting[endpoint].sequence[first],
+                   room = device->waiting[endpoint].length[first];
     if (there) {
         device->waiting[endpoint].first = (first + 1) % VIRTUAL_USB_WAITING;
         device->waiting[endpoint].count--;

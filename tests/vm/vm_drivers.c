@@ -108,7 +108,9 @@ static int open_as(int user, int group, const char *uri, char *message, size_t s
         if (setgid((gid_t)group) || setuid((uid_t)user)) _exit(1);
         const int result = fathom_source_open(&source, uri, &options);
         fathom_source_close(source);
-        if (write(channel[1], &result, sizeof result) < 0 || write(channel[1], last_error, sizeof last_error) < 0) _exit(1);
+        if (write(channel[1], &result, sizeof result) < 0 ||
+            write(channel[1], last_error, sizeof last_error) < 0)
+            _exit(1);
         _exit(0);
     }
     int result = 1;
@@ -161,8 +163,8 @@ static void hid_reads_1_khz_for_10_s_without_loss(void **state) {
     pad.rate_hz = 0;
     gather(source, MOST, 0.3);
     const fathom_source_status s = status_of(source);
-    print_message("# %u sent, %d received, %d lost, %d malformed, clock %.0f ppm\n", pad.sent, (int)s.samples, (int)s.lost,
-                  (int)s.malformed, s.clock_drift_ppm);
+    print_message("# %u sent, %d received, %d lost, %d malformed, clock %.0f ppm\n", pad.sent, (int)s.samples,
+                  (int)s.lost, (int)s.malformed, s.clock_drift_ppm);
     assert_int_equal(s.samples, pad.sent);
     assert_true(s.samples >= 10000);
     assert_int_equal(s.lost + s.malformed + s.samples_dropped, 0);
@@ -313,7 +315,8 @@ static void hid_sensors_are_found_and_set(void **state) {
     virtual_hid_send(&sensor, unknown, sizeof unknown);
     virtual_hid_send(&sensor, empty, sizeof empty);
     for (int i = 0; i < 100 && status_of(source).malformed < malformed + 3; i++) usleep(20000);
-    print_message("# %d of 3 malformed reports came through the kernel\n", (int)(status_of(source).malformed - malformed));
+    print_message("# %d of 3 malformed reports came through the kernel\n",
+                  (int)(status_of(source).malformed - malformed));
     assert_in_range(status_of(source).malformed - malformed, 1, 3);
     sensor.rate_hz = 400;
     gather(source, 10, 5);
@@ -397,7 +400,8 @@ static void interrupt_500_hz_for_10_s_without_loss(void **state) {
     stop_sending(&sender);
     gather(source, MOST, 0.3);
     const fathom_source_status s = status_of(source);
-    print_message("# %u sent, %d received, %d lost; serial %s\n", sender.sent, (int)s.samples, (int)s.lost, s.serial);
+    print_message("# %u sent, %d received, %d lost; serial %s\n", sender.sent, (int)s.samples, (int)s.lost,
+                  s.serial);
     assert_in_range(s.samples, 5000, sender.sent);
     assert_int_equal(s.lost + s.malformed, 0);
     start_sending(&sender, &usb, 500, -1);
@@ -419,8 +423,9 @@ static void bulk_1_mb_a_second_for_10_s_without_loss(void **state) {
     stop_sending(&sender);
     gather(source, MOST, 0.3);
     const fathom_source_status s = status_of(source);
-    print_message("# %.2f MB/s for %.1f s: %u messages sent, %d received, %d lost, %d malformed\n", sender.bytes / seconds / 1e6,
-                  seconds, sender.sent, (int)s.samples, (int)s.lost, (int)s.malformed);
+    print_message("# %.2f MB/s for %.1f s: %u messages sent, %d received, %d lost, %d malformed\n",
+                  sender.bytes / seconds / 1e6, seconds, sender.sent, (int)s.samples, (int)s.lost,
+                  (int)s.malformed);
     assert_int_equal(s.samples, sender.sent);
     assert_int_equal(s.lost + s.malformed, 0);
     assert_true(sender.bytes / seconds > 0.95e6);
@@ -558,7 +563,8 @@ static void vanish(const char *uri, int rounds, int step_us) {
         pthread_join(thread, NULL);
         look_for(strncmp(uri, "hid", 3) ? "usb" : "hid", uri, 0, NULL);
     }
-    print_message("# gone in %d rounds, of which %d had been opened and %d started\n", rounds, opened, started);
+    print_message("# gone in %d rounds, of which %d had been opened and %d started\n", rounds, opened,
+                  started);
     assert_true(started > 0);
 }
 
@@ -624,10 +630,13 @@ static void iio_through_the_sensor_hub(void **state) {
     fathom_source *source = open_it("iio:", false);
     gather(source, 400, 15);
     const fathom_source_status s = status_of(source);
-    print_message("# %s: %d samples, %.0f a second, %d malformed; last: %.3f %.3f %.3f, %.4f %.4f %.4f\n", s.name, sample_count,
-                  s.rate_hz, (int)s.malformed, sample_count ? samples[sample_count - 1].accel[0] : NAN,
-                  sample_count ? samples[sample_count - 1].accel[1] : NAN, sample_count ? samples[sample_count - 1].accel[2] : NAN,
-                  sample_count ? samples[sample_count - 1].gyro[0] : NAN, sample_count ? samples[sample_count - 1].gyro[1] : NAN,
+    print_message("# %s: %d samples, %.0f a second, %d malformed; last: %.3f %.3f %.3f, %.4f %.4f %.4f\n",
+                  s.name, sample_count, s.rate_hz, (int)s.malformed,
+                  sample_count ? samples[sample_count - 1].accel[0] : NAN,
+                  sample_count ? samples[sample_count - 1].accel[1] : NAN,
+                  sample_count ? samples[sample_count - 1].accel[2] : NAN,
+                  sample_count ? samples[sample_count - 1].gyro[0] : NAN,
+                  sample_count ? samples[sample_count - 1].gyro[1] : NAN,
                   sample_count ? samples[sample_count - 1].gyro[2] : NAN);
     assert_int_equal(sample_count, 400);
     for (int i = 50; i < 400; i++) {
