@@ -3,6 +3,7 @@
 
 BUILD    ?= build
 PREFIX   ?= /usr/local
+UDEV     ?= $(PREFIX)/lib/udev/rules.d
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
                   libpng-dev libopenni2-dev libcmocka-dev oclgrind python3 python3-venv python3-numpy python3-matplotlib
@@ -159,11 +160,16 @@ install: all
 	install -m 644 lib/fathom.h drivers/fathom_drivers.h $(DESTDIR)$(PREFIX)/include/
 	install -m 755 $(BUILD)/fathom $(DESTDIR)$(PREFIX)/bin/
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' lib/fathom.pc.in > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
+	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' -e 's|@LIBS@|$(DRIVERS_LIBS)|' drivers/fathom-drivers.pc.in \
+	    > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
+	install -d $(DESTDIR)$(UDEV)
+	install -m 644 drivers/udev/*.rules $(DESTDIR)$(UDEV)/
 
 uninstall:
 	rm -f $(DESTDIR)$(PREFIX)/lib/libfathom.so* $(DESTDIR)$(PREFIX)/lib/libfathom.a $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.a
 	rm -f $(DESTDIR)$(PREFIX)/include/fathom.h $(DESTDIR)$(PREFIX)/include/fathom_drivers.h
-	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
+	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
+	rm -f $(addprefix $(DESTDIR)$(UDEV)/,$(notdir $(wildcard drivers/udev/*.rules)))
 
 clean:
 	rm -rf build out

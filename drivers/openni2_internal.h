@@ -90,6 +90,12 @@ void openni2_device_serial(OniDeviceHandle device, char *serial, size_t size);
 /* What a failed oniDeviceOpen means. */
 int openni2_open_fault(const char *uri, char *why, size_t size);
 
+/* ---- openni2_file.c ---- */
+
+/* An .oni recording that libOpenNI2's player can be trusted with, whole or cut at its end; else `why` says what is
+ * wrong with it. */
+bool openni2_file_is_good(const char *path, char *why, size_t size);
+
 /* ---- openni2_frame.c ---- */
 
 /* The frame is what the mode promises, in every field; else `why` says what isn't. */

@@ -270,7 +270,9 @@ static int open_file(openni2_source *s, const char *address) {
     snprintf(d->name, sizeof d->name, "%.*s", (int)sizeof d->name - 1, address);
     d->is_file = true;
     if (stat(address, &status)) return source_fail(&s->base.options, FATHOM_ERROR_NO_DATA, "%s: %m", address);
-    const int result = openni2_device_open(d, &s->wish, why, sizeof why);
+    const int result = openni2_file_is_good(address, why, sizeof why)
+                           ? openni2_device_open(d, &s->wish, why, sizeof why)
+                           : FATHOM_ERROR_PROTOCOL;
     if (!result) return FATHOM_OK;
     return source_fail(&s->base.options, result == FATHOM_ERROR_DEVICE ? FATHOM_ERROR_PROTOCOL : result,
                        "%s: not a recording of OpenNI2 that can be played: %s", address, why);

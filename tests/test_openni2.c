@@ -6,7 +6,7 @@
 #include <cmocka.h>
 
 #include <dlfcn.h>
-#include <fcntl.h>
+#include <limits.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -583,6 +583,54 @@ static void a_recording_that_was_cut(void **state) {
     }
 }
 
+/* Changes the bytes at `at` of scan.oni, in another file; whether it is thought good. */
+static bool survives(long at, const void *bytes, size_t count, char *why, size_t size) {
+    copy_part("scan.oni", "hurt.oni", LONG_MAX);
+    FILE *file = fopen("hurt.oni", "r+b");
+    assert_true(file && !fseek(file, at, SEEK_SET) && fwrite(bytes, 1, count, file) == count);
+    fclose(file);
+    return openni2_file_is_good("hurt.oni", why, size);
+}
+
+static long place_of(const char *words) {
+    char data[2048];
+    FILE *file = fopen("scan.oni", "rb");
+    assert_non_null(file);
+    const size_t count = fread(data, 1, sizeof data, file);
+    fclose(file);
+    const char *place = memmem(data, count, words, strlen(words));
+    assert_non_null(place);
+    return (long)(place - data);
+}
+
+/* libOpenNI2's player would crash on most of these. */
+static void a_damaged_recording_isnt_played(void **state) {
+    (void)state;
+    char why[256];
+    const uint8_t high = 0xe4, huge[4] = {0xff, 0xff, 0xff, 0x7f}, none[4] = {0};
+    const long name = place_of("xnMapOutputMode"), room = place_of("oniRequiredFrameSize");
+    assert_true(openni2_file_is_good("scan.oni", why, sizeof why));
+    assert_true(survives(4 + 4, none, 4, why, sizeof why));
+    assert_false(survives(24, "X", 1, why, sizeof why)); /* a record's first byte */
+    assert_non_null(strstr(why, "at byte 24: no record"));
+    assert_false(survives(name + 3, &high, 1, why, sizeof why));
+    assert_false(survives(name - 4, huge, 4, why, sizeof why));      /* how long the name is */
+    assert_false(survives(name - 4 - 16, huge, 4, why, sizeof why)); /* how long the record is */
+    assert_false(survives(name + 16 + 4, huge, 4, why, sizeof why)); /* the width */
+    assert_non_null(strstr(why, "frame size"));
+    assert_false(survives(room + 21 + 4, none, 2, why, sizeof why)); /* the room for a frame */
+    refuses("openni2:hurt.oni", FATHOM_ERROR_PROTOCOL,
+            "hurt.oni: not a recording of OpenNI2 that can be played: damaged");
+    uint32_t random = 7;
+    int good = 0;
+    for (int i = 0; i < 300; i++) {
+        random = random * 1664525u + 1013904223u;
+        const uint8_t byte = (uint8_t)(random >> 8);
+        good += survives((long)(random >> 16) % 2048, &byte, 1, why, sizeof why);
+    }
+    assert_in_range(good, 1, 299);
+}
+
 static void what_is_no_recording_is_refused(void **state) {
     (void)state;
     write_text("text.oni", "this is no recording at all, only some words that stand in a file\n");
@@ -711,6 +759,7 @@ int main(int count, char **arguments) {
         cmocka_unit_test_setup(a_recording_plays_back_the_same_pixels, start_test),
         cmocka_unit_test_setup(a_recording_plays_at_its_pace, start_test),
         cmocka_unit_test_setup(a_recording_that_was_cut, start_test),
+        cmocka_unit_test_setup(a_damaged_recording_isnt_played, start_test),
         cmocka_unit_test_setup(what_is_no_recording_is_refused, start_test),
         cmocka_unit_test(the_nearest_mode_is_chosen),
         cmocka_unit_test(what_is_on_the_usb_is_explained),
