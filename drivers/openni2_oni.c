@@ -6,7 +6,6 @@
  */
 #include "openni2_oni.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -272,18 +271,17 @@ static int check_head(oni_file *f, char *why, size_t size) {
     return FATHOM_ERROR_UNSUPPORTED;
 }
 
-int oni_open(oni_file **file, const char *path, oni_description *description, char *why, size_t size) {
+int oni_open(oni_file **file, FILE *stream, oni_description *description, char *why, size_t size) {
     *file = NULL;
     oni_file *f = calloc(1, sizeof *f);
-    if (!f) return FATHOM_ERROR_MEMORY;
-    f->format = FORMAT_MILLIMETRES; /* OpenNI 1 knows no other */
-    f->file = fopen(path, "rb");
-    int result = FATHOM_OK;
-    if (!f->file) {
-        snprintf(why, size, "%m");
-        result = FATHOM_ERROR_NO_DATA;
+    if (!f) {
+        fclose(stream);
+        snprintf(why, size, "out of memory");
+        return FATHOM_ERROR_MEMORY;
     }
-    if (!result) result = read_head(f, why, size);
+    f->format = FORMAT_MILLIMETRES; /* OpenNI 1 knows no other */
+    f->file = stream;
+    int result = read_head(f, why, size);
     if (!result) result = check_head(f, why, size);
     if (!result) {
         f->payload_room = 4 * (size_t)f->width * f->height + 2 * 0x10000 + 4; /* whole values, and a table */
@@ -308,7 +306,7 @@ int oni_open(oni_file **file, const char *path, oni_description *description, ch
 
 void oni_close(oni_file *f) {
     if (!f) return;
-    if (f->file) fclose(f->file);
+    fclose(f->file);
     free(f->payload);
     free(f);
 }

@@ -8,6 +8,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 
 typedef struct {
     int width, height;
@@ -18,8 +19,9 @@ typedef struct {
 
 typedef struct oni_file oni_file;
 
-/* FATHOM_OK; FATHOM_ERROR_NO_DATA, _PROTOCOL, _UNSUPPORTED or _MEMORY with the reason in `why`. */
-int oni_open(oni_file **file, const char *path, oni_description *description, char *why, size_t size);
+/* Takes over the stream, which it closes. FATHOM_OK; FATHOM_ERROR_PROTOCOL, _UNSUPPORTED or _MEMORY with the reason in
+ * `why`. */
+int oni_open(oni_file **file, FILE *stream, oni_description *description, char *why, size_t size);
 void oni_close(oni_file *file);
 
 /* Goes back to the first frame. */

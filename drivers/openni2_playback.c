@@ -140,11 +140,16 @@ static const source_operations oni_operations = {
 
 int openni2_play(fathom_source **source, const char *path, const fathom_source_options *options) {
     char why[200];
+    FILE *stream = fopen(path, "rb");
+    if (!stream) return source_fail(options, FATHOM_ERROR_NO_DATA, "%s: %m", path);
     oni_source *s = calloc(1, sizeof *s);
-    if (!s) return FATHOM_ERROR_MEMORY;
+    if (!s) {
+        fclose(stream);
+        return FATHOM_ERROR_MEMORY;
+    }
     s->base = (fathom_source){.does = &oni_operations, .options = *options};
     snprintf(s->path, sizeof s->path, "%s", path);
-    int result = oni_open(&s->file, path, &s->about, why, sizeof why);
+    int result = oni_open(&s->file, stream, &s->about, why, sizeof why);
     if (result) {
         source_fail(options, result, "%s: %s", path, why);
         free(s);

@@ -606,11 +606,9 @@ static int read_changed(long at, const void *bytes, size_t count, char *why, siz
     uint8_t before[32];
     memcpy(before, scan_bytes + at, count);
     memcpy(scan_bytes + at, bytes, count);
-    FILE *out = fopen("hurt.oni", "wb");
-    assert_true(out && fwrite(scan_bytes, 1, (size_t)scan_size, out) == (size_t)scan_size);
-    fclose(out);
-    memcpy(scan_bytes + at, before, count);
-    result = oni_open(&file, "hurt.oni", &about, why, size);
+    FILE *stream = fmemopen(scan_bytes, (size_t)scan_size, "rb");
+    assert_non_null(stream);
+    result = oni_open(&file, stream, &about, why, size);
     while (!result || result == FATHOM_ERROR_SIZE) {
         if (about.width * about.height != WIDTH * HEIGHT) {
             result = FATHOM_ERROR_UNSUPPORTED;
@@ -619,6 +617,7 @@ static int read_changed(long at, const void *bytes, size_t count, char *why, siz
         result = oni_next(file, pixels, &stamp_ns, &number, why, size);
     }
     oni_close(file);
+    memcpy(scan_bytes + at, before, count);
     return result;
 }
 
