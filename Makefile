@@ -3,6 +3,7 @@
 
 BUILD    ?= build
 PREFIX   ?= /usr/local
+UDEV     ?= $(PREFIX)/lib/udev/rules.d
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
                   libpng-dev libopenni2-dev libhidapi-dev libusb-1.0-0-dev libiio-dev libcmocka-dev clang libclang-rt-dev \
@@ -159,21 +160,24 @@ reproduce: deps
 	sh tests/reproduce/reproduce.sh $(BUILD) --sections $(SECTIONS) $(REPRODUCE)
 
 install: all
-	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/udev/rules.d
+	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include $(DESTDIR)$(PREFIX)/bin
 	install -m 755 $(LIB_SO) $(DESTDIR)$(PREFIX)/lib/
 	ln -sf libfathom.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/libfathom.so.$(VERSION_MAJOR)
 	ln -sf libfathom.so.$(VERSION_MAJOR) $(DESTDIR)$(PREFIX)/lib/libfathom.so
 	install -m 644 $(BUILD)/libfathom.a $(DRIVERS_A) $(DESTDIR)$(PREFIX)/lib/
 	install -m 644 lib/fathom.h drivers/fathom_drivers.h $(DESTDIR)$(PREFIX)/include/
 	install -m 755 $(BUILD)/fathom $(DESTDIR)$(PREFIX)/bin/
-	install -m 644 drivers/udev/*.rules $(DESTDIR)$(PREFIX)/lib/udev/rules.d/
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' lib/fathom.pc.in > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
+	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' -e 's|@LIBS@|$(DRIVERS_LIBS)|' drivers/fathom-drivers.pc.in \
+	    > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
+	install -d $(DESTDIR)$(UDEV)
+	install -m 644 drivers/udev/*.rules $(DESTDIR)$(UDEV)/
 
 uninstall:
 	rm -f $(DESTDIR)$(PREFIX)/lib/libfathom.so* $(DESTDIR)$(PREFIX)/lib/libfathom.a $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.a
 	rm -f $(DESTDIR)$(PREFIX)/include/fathom.h $(DESTDIR)$(PREFIX)/include/fathom_drivers.h
-	rm -f $(DESTDIR)$(PREFIX)/lib/udev/rules.d/60-fathom-imu.rules
-	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
+	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
+	rm -f $(addprefix $(DESTDIR)$(UDEV)/,$(notdir $(wildcard drivers/udev/*.rules)))
 
 clean:
 	rm -rf build out
@@ -195,7 +199,7 @@ check-vm:
 # ---- tests ----------------------------------------------------------------------------------------------------------
 # tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
 
-TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,tests/test_openni2.c)
+TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,tests/test_openni2.c) $(if $(filter 1,$(WITH_UDP)),,tests/test_udp_source.c)
 TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(TESTS_OUT),$(sort $(wildcard tests/test_*.c))))
 SUPPORT_OBJ = $(filter-out $(CHECK_OBJ),$(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c))))
 CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))

@@ -65,28 +65,24 @@ static int fail(char *why, size_t size, int error, const char *what) {
     return error;
 }
 
-/* A recording has one mode, and can't be told another. */
 static int set_mode(openni2_device *d, const openni2_wish *wish, char *why, size_t size) {
     const OniSensorInfo *info = oniDeviceGetSensorInfo(d->device, ONI_SENSOR_DEPTH);
     const OniVideoMode *mode =
         info ? openni2_choose_mode(info->pSupportedVideoModes, info->numSupportedVideoModes, wish) : NULL;
-    if (d->is_file && get(d->depth, ONI_STREAM_PROPERTY_VIDEO_MODE, &d->mode, sizeof d->mode))
-        mode = openni2_choose_mode(&d->mode, 1, wish);
     if (!mode) {
         snprintf(why, size, "it gives no depth in millimetres or tenths of them");
         return FATHOM_ERROR_UNSUPPORTED;
     }
     d->mode = *mode;
-    if (!d->is_file && oniStreamSetProperty(d->depth, ONI_STREAM_PROPERTY_VIDEO_MODE, &d->mode,
-                                            sizeof d->mode) != ONI_STATUS_OK)
+    if (oniStreamSetProperty(d->depth, ONI_STREAM_PROPERTY_VIDEO_MODE, &d->mode, sizeof d->mode) !=
+        ONI_STATUS_OK)
         return fail(why, size, FATHOM_ERROR_DEVICE, "the video mode can't be set");
     return FATHOM_OK;
 }
 
 static void stop_mirroring(openni2_device *d) {
     OniBool mirrored = FALSE;
-    if (!d->is_file)
-        oniStreamSetProperty(d->depth, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored);
+    oniStreamSetProperty(d->depth, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored);
     d->mirrored = get(d->depth, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored) && mirrored;
 }
 
@@ -108,36 +104,24 @@ static void add_color(openni2_device *d) {
                                  .fps = d->mode.fps};
     const OniBool straight = FALSE;
     if (!oniDeviceGetSensorInfo(d->device, ONI_SENSOR_COLOR)) return;
-    if (!d->is_file && (!oniDeviceIsImageRegistrationModeSupported(d->device, mode) ||
-                        oniDeviceSetProperty(d->device, ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION, &mode,
-                                             sizeof mode) != ONI_STATUS_OK))
+    if (!oniDeviceIsImageRegistrationModeSupported(d->device, mode) ||
+        oniDeviceSetProperty(d->device, ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION, &mode, sizeof mode) !=
+            ONI_STATUS_OK)
         return;
     if (oniDeviceCreateStream(d->device, ONI_SENSOR_COLOR, &d->color) != ONI_STATUS_OK) {
         d->color = NULL;
         return;
     }
     OniVideoMode set = wanted;
-    if (!d->is_file) {
-        oniStreamSetProperty(d->color, ONI_STREAM_PROPERTY_VIDEO_MODE, &wanted, sizeof wanted);
-        oniStreamSetProperty(d->color, ONI_STREAM_PROPERTY_MIRRORING, &straight, sizeof straight);
-        oniDeviceEnableDepthColorSync(d->device);
-    }
+    oniStreamSetProperty(d->color, ONI_STREAM_PROPERTY_VIDEO_MODE, &wanted, sizeof wanted);
+    oniStreamSetProperty(d->color, ONI_STREAM_PROPERTY_MIRRORING, &straight, sizeof straight);
+    oniDeviceEnableDepthColorSync(d->device);
     if (get(d->color, ONI_STREAM_PROPERTY_VIDEO_MODE, &set, sizeof set) &&
         set.pixelFormat == wanted.pixelFormat && set.resolutionX == wanted.resolutionX &&
         set.resolutionY == wanted.resolutionY)
         return;
     oniStreamDestroy(d->color);
     d->color = NULL;
-}
-
-/* Every frame as soon as the one before was read (speed -1), once. */
-static void set_playback(openni2_device *d) {
-    const float speed = -1;
-    const OniBool repeat = FALSE;
-    oniDeviceSetProperty(d->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &speed, sizeof speed);
-    oniDeviceSetProperty(d->device, ONI_DEVICE_PROPERTY_PLAYBACK_REPEAT_ENABLED, &repeat, sizeof repeat);
-    d->frame_total = 0;
-    get(d->depth, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &d->frame_total, sizeof d->frame_total);
 }
 
 /* ---- the device ---- */
@@ -167,7 +151,6 @@ static int open_streams(openni2_device *d, const openni2_wish *wish, char *why, 
     if (result) return result;
     stop_mirroring(d);
     if (wish->color) add_color(d);
-    if (d->is_file) set_playback(d);
     return FATHOM_OK;
 }
 
@@ -179,7 +162,7 @@ int openni2_device_open(openni2_device *d, const openni2_wish *wish, char *why, 
         d->device = NULL;
         result = openni2_open_fault(d->uri, why, size);
     } else {
-        if (!d->is_file) openni2_device_serial(d->device, d->serial, sizeof d->serial);
+        openni2_device_serial(d->device, d->serial, sizeof d->serial);
         result = open_streams(d, wish, why, size);
     }
     openni2_unlock();

@@ -9,7 +9,6 @@
 
 #define SLICE_MS 50         /* a wait for libOpenNI2 can't be cancelled */
 #define SILENT_SLICES 20    /* then it is asked whether the device is still there */
-#define FILE_SLICES 40      /* a recording that gives nothing for so long is at its end */
 #define SEARCH_NS 500000000 /* between two looks for a device that was unplugged */
 #define MOST_COMPLAINTS 3   /* lines in the log of frames that made no sense */
 #define MOST_MISSING 100000 /* a greater jump of the frame number is no loss but another count */
@@ -58,9 +57,8 @@ static const uint8_t *color_for(openni2_source *s, int64_t device_ns, uint8_t *r
     return room;
 }
 
-/* The stamp for the rig: a recording's own, or the device's on the host's clock. */
+/* The device's stamp on the host's clock. */
 static int64_t stamp_of(openni2_source *s, int64_t device_ns, int64_t arrival_ns) {
-    if (s->device.is_file) return device_ns;
     const int64_t stamp_ns = clock_map_stamp(&s->clock, device_ns, arrival_ns);
     source_queue_set_clock(&s->queue, clock_map_offset_s(&s->clock), clock_map_drift_ppm(&s->clock));
     return stamp_ns;
@@ -103,7 +101,7 @@ static OniStatus next_frame(openni2_source *s, OniFrame **frame, int64_t *arriva
     return status == ONI_STATUS_OK && !*frame ? ONI_STATUS_ERROR : status;
 }
 
-/* ---- a device ---- */
+/* ---- unplugging ---- */
 
 static bool is_listed(const char *uri) {
     OniDeviceInfo *list = NULL;
@@ -187,7 +185,7 @@ static void take_live(openni2_source *s, const OniFrame *frame, int64_t arrival_
     }
 }
 
-void openni2_gather_live(void *user) {
+void openni2_gather(void *user) {
     openni2_source *s = user;
     int silent = 0;
     bool go_on = true;
@@ -208,62 +206,4 @@ void openni2_gather_live(void *user) {
             silent = 0;
         }
     }
-}
-
-/* ---- a recording ---- */
-
-/* Waits until the frame is due, or until there is room for it. */
-static bool wait_for_turn(openni2_source *s, int64_t since_first_ns, int64_t start_ns) {
-    if (s->base.options.speed == 0) return source_queue_wait_for_room(&s->queue, true);
-    return source_queue_sleep_until(&s->queue,
-                                    start_ns + (int64_t)((double)since_first_ns / s->base.options.speed));
-}
-
-static void end_file(openni2_source *s, int read) {
-    if (s->device.frame_total > 0 && read >= s->device.frame_total) {
-        source_queue_end(&s->queue, FATHOM_ERROR_ENDED);
-        return;
-    }
-    source_fail(
-        &s->base.options, FATHOM_ERROR_PROTOCOL,
-        "%s: the recording breaks off: %d frames could be read, and it has %d; it was cut, or its recorder "
-        "never closed it",
-        s->device.uri, read, s->device.frame_total);
-    source_queue_end(&s->queue, FATHOM_ERROR_PROTOCOL);
-}
-
-void openni2_gather_file(void *user) {
-    openni2_source *s = user;
-    const int64_t start_ns = monotonic_now_ns();
-    int64_t first_ns = 0;
-    int read = 0, silent = 0;
-    bool go_on = true;
-    while (go_on && silent < FILE_SLICES && (s->device.frame_total <= 0 || read < s->device.frame_total)) {
-        OniFrame *frame;
-        int64_t arrival_ns;
-        char why[128];
-        if (!source_queue_is_running(&s->queue)) return;
-        const OniStatus status = next_frame(s, &frame, &arrival_ns);
-        silent = status == ONI_STATUS_OK ? 0 : silent + 1;
-        if (status != ONI_STATUS_OK) {
-            if (status != ONI_STATUS_TIME_OUT)
-                go_on = source_queue_sleep_until(&s->queue, arrival_ns + SLICE_MS * 1000000);
-            continue;
-        }
-        if (frame->sensorType == ONI_SENSOR_COLOR) {
-            take_color(s, frame);
-        } else if (!openni2_frame_is_good(frame, &s->device.mode, why, sizeof why)) {
-            complain(s, why);
-            read++;
-        } else {
-            source_slot *slot = fill_slot(s, frame, arrival_ns);
-            if (read++ == 0) first_ns = slot->frame.device_ns;
-            count_missing(s, frame->frameIndex);
-            go_on = wait_for_turn(s, slot->frame.device_ns - first_ns, start_ns);
-            slot->frame.arrival_ns = monotonic_now_ns();
-            if (go_on) source_queue_push_frame(&s->queue, slot);
-        }
-        oniFrameRelease(frame);
-    }
-    if (go_on) end_file(s, read);
 }

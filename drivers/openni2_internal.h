@@ -58,15 +58,13 @@ int openni2_usb_fault(const char *root, const openni2_usb *camera, char *why, si
 /* ---- openni2_device.c: an open device with its streams ---- */
 
 typedef struct {
-    char uri[ONI_MAX_STR]; /* libOpenNI2's name of it, or the path of a recording */
+    char uri[ONI_MAX_STR]; /* libOpenNI2's name of it */
     char name[96], serial[64];
-    bool is_file;
     OniDeviceHandle device;       /* NULL: not open */
     OniStreamHandle depth, color; /* color NULL: none */
     OniVideoMode mode;
-    bool mirrored;   /* it gives mirrored pictures and can't be made to stop */
-    float fov[2];    /* radians, horizontal and vertical */
-    int frame_total; /* of a recording */
+    bool mirrored; /* it gives mirrored pictures and can't be made to stop */
+    float fov[2];  /* radians, horizontal and vertical */
 } openni2_device;
 
 /* What is wanted of a device. */
@@ -128,7 +126,6 @@ int openni2_start_streams(openni2_source *source, char *why, size_t size);
 void openni2_watch(openni2_source *source, const char *uri);
 
 /* user: an openni2_source whose streams have been started. */
-void openni2_gather_live(void *user);
-void openni2_gather_file(void *user);
+void openni2_gather(void *user);
 
 #endif

@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 
 #include "openni2_internal.h"
+#include "openni2_playback.h"
 #include "source_log.h"
 
 static const char no_camera[] = "OpenNI2 sees no depth camera";
@@ -145,7 +146,7 @@ static int openni2_start(fathom_source *source) {
     }
     if (result) return source_fail(&source->options, result, "openni2: %s: %s", d->name, why);
     source_queue_start(&s->queue);
-    s->worker = openni2_hire(d->is_file ? openni2_gather_file : openni2_gather_live, s);
+    s->worker = openni2_hire(openni2_gather, s);
     if (!s->worker) {
         source_queue_stop(&s->queue);
         return source_fail(&source->options, FATHOM_ERROR_MEMORY, "openni2: no thread could be made");
@@ -163,7 +164,6 @@ static int openni2_stop(fathom_source *source) {
     openni2_watch(s, NULL);
     if (d->depth) oniStreamStop(d->depth);
     if (d->color) oniStreamStop(d->color);
-    if (d->is_file) openni2_device_close(d); /* to begin anew it must be opened anew */
     return FATHOM_OK;
 }
 
@@ -260,22 +260,6 @@ static bool is_file(const char *address) {
            (stat(address, &status) == 0 && S_ISREG(status.st_mode));
 }
 
-static int open_file(openni2_source *s, const char *address) {
-    char why[320];
-    openni2_device *d = &s->device;
-    struct stat status;
-    if (strlen(address) >= sizeof d->uri)
-        return source_fail(&s->base.options, FATHOM_ERROR_ARGUMENT, "openni2: the path is too long");
-    snprintf(d->uri, sizeof d->uri, "%.255s", address);
-    snprintf(d->name, sizeof d->name, "%.*s", (int)sizeof d->name - 1, address);
-    d->is_file = true;
-    if (stat(address, &status)) return source_fail(&s->base.options, FATHOM_ERROR_NO_DATA, "%s: %m", address);
-    const int result = openni2_device_open(d, &s->wish, why, sizeof why);
-    if (!result) return FATHOM_OK;
-    return source_fail(&s->base.options, result == FATHOM_ERROR_DEVICE ? FATHOM_ERROR_PROTOCOL : result,
-                       "%s: not a recording of OpenNI2 that can be played: %s", address, why);
-}
-
 /* What to say when there is no such camera. */
 static int explain_absence(openni2_source *s, const char *address, int listed) {
     openni2_usb cameras[MOST_DEVICES];
@@ -353,18 +337,19 @@ static int openni2_open(fathom_source **source, const char *address, const fatho
         return source_fail(options, FATHOM_ERROR_UNSUPPORTED, "openni2: gives only depth");
     if (strlen(address) >= sizeof place)
         return source_fail(options, FATHOM_ERROR_ARGUMENT, "openni2: the address is too long");
+    if (is_file(address)) return openni2_play(source, address, options);
     snprintf(place, sizeof place, "%s", address);
     openni2_source *s = calloc(1, sizeof *s);
     if (!s) return FATHOM_ERROR_MEMORY;
     s->base = (fathom_source){.does = &openni2_operations, .options = *options};
-    int result = openni2_hold(why, sizeof why);
+    int result = read_wish(s, place);
+    if (!result && (result = openni2_hold(why, sizeof why))) source_fail(options, result, "openni2: %s", why);
     if (result) {
         free(s);
-        return source_fail(options, result, "openni2: %s", why);
+        return result;
     }
     pthread_mutex_init(&s->watch_lock, NULL);
-    result = read_wish(s, place);
-    if (!result) result = is_file(place) ? open_file(s, place) : open_camera(s, place);
+    result = open_camera(s, place);
     if (!result) result = finish_opening(s);
     if (result) {
         free_source(s);

@@ -6,7 +6,6 @@
 #include <cmocka.h>
 
 #include <dlfcn.h>
-#include <fcntl.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -18,6 +17,7 @@
 #include "image_file.h"
 #include "monotonic.h"
 #include "openni2_internal.h"
+#include "openni2_oni.h"
 
 #define WIDTH 64
 #define HEIGHT 48
@@ -573,7 +573,7 @@ static void a_recording_that_was_cut(void **state) {
             if (frames >= recorded)
                 fail_msg("%d frames of %d in %d tenths: %s", frames, recorded, tenths, log_text);
             assert_int_equal(ended, FATHOM_ERROR_PROTOCOL);
-            assert_non_null(strstr(log_text, "cut.oni: the recording breaks off"));
+            assert_non_null(strstr(log_text, "the recording breaks off here"));
         } else {
             assert_int_equal(result, FATHOM_ERROR_PROTOCOL);
             assert_non_null(strstr(log_text, "cut.oni: "));
@@ -583,11 +583,114 @@ static void a_recording_that_was_cut(void **state) {
     }
 }
 
+static uint8_t *scan_bytes;
+static long scan_size;
+
+static void load_scan(void) {
+    FILE *file = fopen("scan.oni", "rb");
+    assert_true(file && !fseek(file, 0, SEEK_END) && (scan_size = ftell(file)) > 0);
+    rewind(file);
+    scan_bytes = malloc((size_t)scan_size);
+    assert_non_null(scan_bytes);
+    assert_int_equal(fread(scan_bytes, 1, (size_t)scan_size, file), scan_size);
+    fclose(file);
+}
+
+/* Opens scan.oni with other bytes at `at`, and reads it to its end: what ended it. */
+static int read_changed(long at, const void *bytes, size_t count, char *why, size_t size) {
+    oni_file *file;
+    oni_description about;
+    uint16_t pixels[WIDTH * HEIGHT];
+    int64_t stamp_ns;
+    int number, result;
+    uint8_t before[32];
+    memcpy(before, scan_bytes + at, count);
+    memcpy(scan_bytes + at, bytes, count);
+    FILE *stream = fmemopen(scan_bytes, (size_t)scan_size, "rb");
+    assert_non_null(stream);
+    result = oni_open(&file, stream, &about, why, size);
+    while (!result || result == FATHOM_ERROR_SIZE) {
+        if (about.width * about.height != WIDTH * HEIGHT) {
+            result = FATHOM_ERROR_UNSUPPORTED;
+            break;
+        }
+        result = oni_next(file, pixels, &stamp_ns, &number, why, size);
+    }
+    oni_close(file);
+    memcpy(scan_bytes + at, before, count);
+    return result;
+}
+
+static long place_of(const char *words) {
+    const uint8_t *place = memmem(scan_bytes, (size_t)scan_size, words, strlen(words));
+    assert_non_null(place);
+    return (long)(place - scan_bytes);
+}
+
+static void a_damaged_recording_ends_with_an_error(void **state) {
+    (void)state;
+    char why[256];
+    const uint8_t huge[4] = {0xff, 0xff, 0xff, 0x7f};
+    load_scan();
+    const long name = place_of("xnMapOutputMode"), view = place_of("xnFOV");
+    assert_int_equal(read_changed(4, scan_bytes + 4, 4, why, sizeof why), FATHOM_ERROR_ENDED);
+    assert_int_equal(read_changed(24, "X", 1, why, sizeof why),
+                     FATHOM_ERROR_PROTOCOL); /* a record's first byte */
+    assert_non_null(strstr(why, "at byte 24: no record"));
+    assert_int_equal(read_changed(name - 4, huge, 4, why, sizeof why),
+                     FATHOM_ERROR_PROTOCOL); /* the name's size */
+    assert_int_equal(read_changed(name - 4 - 16, huge, 4, why, sizeof why),
+                     FATHOM_ERROR_PROTOCOL); /* the record's */
+    assert_int_equal(read_changed(name + 16 + 4, huge, 4, why, sizeof why),
+                     FATHOM_ERROR_PROTOCOL); /* the width */
+    assert_non_null(strstr(why, "frame size"));
+    assert_int_equal(read_changed(view + 6 + 4, "\0\0\0\0\0\0\360\177", 8, why, sizeof why),
+                     FATHOM_ERROR_UNSUPPORTED);
+    assert_non_null(strstr(why, "field of view"));
+    assert_int_equal(read_changed(place_of("16zT"), "rar!", 4, why, sizeof why), FATHOM_ERROR_UNSUPPORTED);
+    uint32_t random = 7;
+    int whole = 0;
+    for (int i = 0; i < 1000; i++) {
+        random = random * 1664525u + 1013904223u;
+        const uint8_t byte = (uint8_t)(random >> 8);
+        const long at = (long)(random >> 12) % (i % 2 ? 2048 : scan_size / 2 - 1);
+        whole += read_changed(at, &byte, 1, why, sizeof why) == FATHOM_ERROR_ENDED;
+    }
+    assert_in_range(whole, 300, 999);
+    free(scan_bytes);
+}
+
+/* The compressed form by hand: a value, changes, repeats, a great change, a whole value. */
+static void compressed_depth(void **state) {
+    (void)state;
+    static const uint8_t plain[] = {0x10, 0x27, 0x5f, 0xe2, 0xff, 0x80, 0xff, 0x12, 0x34};
+    static const uint8_t table[] = {3, 0, 10, 0, 20, 0, 30, 0, 1, 0, 0x57};
+    uint16_t depth[8];
+    /* 10000, +1, (none), 2 * 2 repeats, +64, 0x1234 */
+    assert_true(oni_decode(plain, sizeof plain, false, depth, 8));
+    assert_int_equal(depth[0], 10000);
+    assert_int_equal(depth[1], 10001);
+    assert_int_equal(depth[5], 10001);
+    assert_int_equal(depth[6], 10065);
+    assert_int_equal(depth[7], 0x1234);
+    assert_false(oni_decode(plain, sizeof plain, false, depth, 7));
+    assert_false(oni_decode(plain, sizeof plain, false, depth, 9));
+    for (size_t cut = 0; cut < sizeof plain; cut++) assert_false(oni_decode(plain, cut, false, depth, 8));
+    /* the second, the third, the second */
+    assert_true(oni_decode(table, sizeof table, true, depth, 3));
+    assert_int_equal(depth[0], 20);
+    assert_int_equal(depth[1], 30);
+    assert_int_equal(depth[2], 20);
+    static const uint8_t beyond[] = {1, 0, 10, 0, 0, 0, 0x5f};
+    assert_false(oni_decode(beyond, sizeof beyond, true, depth, 2));
+    assert_false(oni_decode(table, 4, true, depth, 3));
+}
+
 static void what_is_no_recording_is_refused(void **state) {
     (void)state;
     write_text("text.oni", "this is no recording at all, only some words that stand in a file\n");
     write_text("empty.oni", "");
-    refuses("openni2:text.oni", FATHOM_ERROR_PROTOCOL, "text.oni: not a recording of OpenNI2");
+    refuses("openni2:text.oni", FATHOM_ERROR_PROTOCOL, "text.oni: it doesn't begin as a recording does");
     refuses("openni2:empty.oni", FATHOM_ERROR_PROTOCOL, "empty.oni");
     refuses("openni2:missing.oni", FATHOM_ERROR_NO_DATA, "missing.oni: No such file");
 }
@@ -711,6 +814,8 @@ int main(int count, char **arguments) {
         cmocka_unit_test_setup(a_recording_plays_back_the_same_pixels, start_test),
         cmocka_unit_test_setup(a_recording_plays_at_its_pace, start_test),
         cmocka_unit_test_setup(a_recording_that_was_cut, start_test),
+        cmocka_unit_test_setup(a_damaged_recording_ends_with_an_error, start_test),
+        cmocka_unit_test(compressed_depth),
         cmocka_unit_test_setup(what_is_no_recording_is_refused, start_test),
         cmocka_unit_test(the_nearest_mode_is_chosen),
         cmocka_unit_test(what_is_on_the_usb_is_explained),

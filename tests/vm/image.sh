@@ -20,7 +20,7 @@ cp "$here/load-sensor-hub" "$root/bin/load-sensor-hub"
 chmod 755 "$root/init" "$root/bin/load-sensor-hub"
 cp "$here/../../drivers/udev/60-fathom-imu.rules" "$root/etc/udev/rules.d/"
 printf 'root:x:0:0::/:/bin/sh\nuser:x:1000:1000::/:/bin/sh\n' >"$root/etc/passwd"
-printf 'root:x:0:\nplugdev:x:46:\nuser:x:1000:\n' >"$root/etc/group"
+printf 'root:x:0:\nvideo:x:44:\nuser:x:1000:\n' >"$root/etc/group"
 
 # Modules with what they need; those of the sensor hub apart, or udev would load them at once.
 [ -f "$kernel/$modules/modules.dep" ] || depmod -b "$kernel" "$version"

@@ -608,18 +608,18 @@ static void udev_rules_let_the_group_in(void **state) {
     assert_int_equal(run("systemd-udevd --daemon --resolve-names=early && udevadm control --ping"), 0);
     plug_pad(&pad, first_address, 1);
     run("udevadm settle");
-    assert_int_equal(open_as(1000, 46, DUALSENSE, text, sizeof text), FATHOM_OK);
+    assert_int_equal(open_as(1000, 44, DUALSENSE, text, sizeof text), FATHOM_OK);
     assert_int_equal(open_as(1000, 1000, DUALSENSE, text, sizeof text), FATHOM_ERROR_PERMISSION);
     virtual_hid_unplug(&pad);
     const virtual_hid_kind kind = virtual_hid_sensor();
     assert_int_equal(virtual_hid_plug(&sensor, &kind), 0);
     assert_int_equal(look_for("hid", SENSOR, 1, NULL), 1);
     run("udevadm settle");
-    assert_int_equal(open_as(1000, 46, SENSOR, text, sizeof text), FATHOM_OK);
+    assert_int_equal(open_as(1000, 44, SENSOR, text, sizeof text), FATHOM_OK);
     virtual_hid_unplug(&sensor);
     plug_mti("MT-1");
     run("udevadm settle");
-    assert_int_equal(open_as(1000, 46, MTI_URI, text, sizeof text), FATHOM_OK);
+    assert_int_equal(open_as(1000, 44, MTI_URI, text, sizeof text), FATHOM_OK);
     virtual_usb_unplug(&usb);
 }
 
