@@ -13,6 +13,7 @@
 
 #include "address.h"
 #include "hid_models.h"
+#include "hid_nodes.h"
 #include "hid_sensor.h"
 #include "imu_source.h"
 #include "monotonic.h"
@@ -22,7 +23,7 @@
 #define USUAL_INTERVAL_S 0.005 /* asked of HID sensors when options name no rate */
 #define QUEUED_NS 200000       /* a read that comes back sooner may have found a report that had waited */
 
-/* hidapi's list and first use aren't safe on two threads. */
+/* hidapi's first use, opening and closing aren't safe on two threads. */
 static pthread_mutex_t hidapi_lock = PTHREAD_MUTEX_INITIALIZER;
 
 /* What a device is to us. */
@@ -46,49 +47,22 @@ typedef struct {
 
 /* ---- what there is ---- */
 
-static hid_bus bus_of(const struct hid_device_info *info) {
-    return info->bus_type == HID_API_BUS_BLUETOOTH ? HID_BUS_BLUETOOTH : HID_BUS_USB;
-}
-
-/* hidapi before 0.14 doesn't give the descriptor; the kernel does, without asking for permission. */
-static bool read_descriptor(const char *path, hid_descriptor *descriptor) {
-    char name[128];
-    uint8_t bytes[HID_MAX_DESCRIPTOR];
-    const char *base = strrchr(path, '/');
-    snprintf(name, sizeof name, "/sys/class/hidraw/%s/device/report_descriptor", base ? base + 1 : path);
-    FILE *file = fopen(name, "rb");
-    if (!file) return false;
-    const size_t length = fread(bytes, 1, sizeof bytes, file);
-    fclose(file);
-    return length > 0 && hid_descriptor_parse(descriptor, bytes, length);
-}
-
-static bool recognise(const struct hid_device_info *info, hid_kind *kind) {
-    kind->model = hid_model_find(info->vendor_id, info->product_id, bus_of(info));
+static bool recognise(const hid_node *node, hid_kind *kind) {
+    kind->model = hid_model_find(node->vendor, node->product, node->bus);
     kind->is_sensor = false;
     if (kind->model) return true;
-    if (!info->path || !read_descriptor(info->path, &kind->descriptor)) return false;
+    if (!hid_node_descriptor(node, &kind->descriptor)) return false;
     kind->is_sensor = hid_sensor_find(&kind->sensor, &kind->descriptor);
-    hid_sensor_known_signs(&kind->sensor, info->vendor_id, info->product_id);
+    hid_sensor_known_signs(&kind->sensor, node->vendor, node->product);
     return kind->is_sensor;
 }
 
-static void narrow(char *out, size_t size, const wchar_t *wide) {
-    size_t n = 0;
-    for (; wide && wide[n] && n + 1 < size; n++)
-        out[n] = wide[n] >= 32 && wide[n] < 127 ? (char)wide[n] : '?';
-    out[n] = 0;
-}
-
-static void name_of(const struct hid_device_info *info, const hid_kind *kind, char *out, size_t size) {
-    char maker[40], product[50];
-    narrow(maker, sizeof maker, info->manufacturer_string);
-    narrow(product, sizeof product, info->product_string);
+static void name_of(const hid_node *node, const hid_kind *kind, char *out, size_t size) {
     if (kind->model)
         snprintf(out, size, "%s%s", kind->model->name,
                  kind->model->bus == HID_BUS_BLUETOOTH ? " (Bluetooth)" : "");
     else
-        snprintf(out, size, "%s%s%s", maker, *maker ? " " : "", *product ? product : "HID sensor");
+        snprintf(out, size, "%s", *node->name ? node->name : "HID sensor");
 }
 
 /* Why a path can't be opened, in words as well. */
@@ -108,15 +82,15 @@ static int try_access(const char *path, char *problem, size_t size) {
     }
 }
 
-static int tell(const struct hid_device_info *d, hid_kind *kind, fathom_source_found found, void *user) {
+static int tell(const hid_node *node, const hid_kind *kind, fathom_source_found found, void *user) {
     fathom_source_info info = {.driver = "hid", .kinds = FATHOM_SOURCE_IMU};
-    name_of(d, kind, info.name, sizeof info.name);
-    narrow(info.serial, sizeof info.serial, d->serial_number);
+    name_of(node, kind, info.name, sizeof info.name);
+    snprintf(info.serial, sizeof info.serial, "%s", node->serial);
     if (*info.serial)
-        snprintf(info.uri, sizeof info.uri, "hid:%04x:%04x:%s", d->vendor_id, d->product_id, info.serial);
+        snprintf(info.uri, sizeof info.uri, "hid:%04x:%04x:%s", node->vendor, node->product, info.serial);
     else
-        snprintf(info.uri, sizeof info.uri, "hid:%s", d->path);
-    info.error = try_access(d->path, info.problem, sizeof info.problem);
+        snprintf(info.uri, sizeof info.uri, "hid:%.31s", node->path);
+    info.error = try_access(node->path, info.problem, sizeof info.problem);
     return found(user, &info);
 }
 
@@ -146,43 +120,36 @@ static int tell_hub(fathom_source_found found, void *user, int *devices) {
 }
 
 static int hid_enumerate_sources(fathom_source_found found, void *user, fathom_log log, void *log_user) {
+    hid_node nodes[HID_NODES];
     hid_kind *kind = malloc(sizeof *kind);
     if (!kind) {
         source_say(log, log_user, FATHOM_LOG_ERROR, "hid: no memory");
         return FATHOM_ERROR_MEMORY;
     }
     int devices = 0, stopped = 0;
-    pthread_mutex_lock(&hidapi_lock);
-    struct hid_device_info *list = hid_init() ? NULL : hid_enumerate(0, 0);
-    pthread_mutex_unlock(&hidapi_lock);
-    const char *last = "";
-    for (struct hid_device_info *d = list; d && !stopped; d = d->next) {
-        if (!d->path || !strcmp(d->path, last)) continue; /* a line for each top-level collection */
-        last = d->path;
-        if (!recognise(d, kind)) continue;
+    const int count = hid_nodes_list(nodes);
+    for (int i = 0; i < count && !stopped; i++) {
+        if (!recognise(&nodes[i], kind)) continue;
         devices++;
-        stopped = tell(d, kind, found, user);
+        stopped = tell(&nodes[i], kind, found, user);
     }
+    free(kind);
     if (!stopped) stopped = tell_hub(found, user, &devices);
     if (!stopped && !devices)
         stopped = imu_source_sees_none("hid", "HID inertial sensors",
                                        access("/sys/class/hidraw", F_OK) ? "the kernel has no hidraw"
-                                       : list ? "no inertial sensor among the HID devices"
-                                              : "no HID device",
+                                       : count ? "no inertial sensor among the HID devices"
+                                               : "no HID device",
                                        found, user);
-    hid_free_enumeration(list);
-    free(kind);
     return stopped ? FATHOM_ERROR_STOPPED : devices;
 }
 
 /* ---- opening ---- */
 
-static bool is_wanted(const hid_source *s, const struct hid_device_info *d) {
-    char serial[64];
-    if (*s->path && strcmp(d->path, s->path) != 0) return false;
-    if (s->by_id && (d->vendor_id != s->vendor || d->product_id != s->product)) return false;
-    narrow(serial, sizeof serial, d->serial_number);
-    return !s->by_serial || !strcasecmp(serial, s->wanted_serial);
+static bool is_wanted(const hid_source *s, const hid_node *node) {
+    if (*s->path && strcmp(node->path, s->path) != 0) return false;
+    if (s->by_id && (node->vendor != s->vendor || node->product != s->product)) return false;
+    return !s->by_serial || !strcasecmp(node->serial, s->wanted_serial);
 }
 
 static bool apply_signs(hid_source *s) {
@@ -200,11 +167,10 @@ static bool apply_signs(hid_source *s) {
 }
 
 /* The device is open: what its samples mean. */
-static void prepare(hid_source *s, const struct hid_device_info *d, bool quiet) {
+static void prepare(hid_source *s, const hid_node *node, bool quiet) {
     const fathom_source_options *o = &s->base.base.options;
-    char name[96], serial[64];
-    name_of(d, &s->kind, name, sizeof name);
-    narrow(serial, sizeof serial, d->serial_number);
+    char name[96];
+    name_of(node, &s->kind, name, sizeof name);
     bool accel_only = false;
     if (s->kind.model) {
         const hid_model *model = s->kind.model;
@@ -230,52 +196,49 @@ static void prepare(hid_source *s, const struct hid_device_info *d, bool quiet) 
                         s->kind.sensor.odd_unit);
     }
     if (accel_only && !quiet) source_warn(o, "%s has an accelerometer only: no use to a scan", name);
-    imu_source_describe(&s->base, name, serial, accel_only);
+    imu_source_describe(&s->base, name, node->serial, accel_only);
 }
 
-static int open_path(hid_source *s, const struct hid_device_info *d, bool quiet) {
+static int open_node(hid_source *s, const hid_node *node, bool quiet) {
     const fathom_source_options *o = &s->base.base.options;
     char problem[256] = "";
-    const int error = try_access(d->path, problem, sizeof problem);
+    const int error = try_access(node->path, problem, sizeof problem);
     if (error) return quiet ? error : source_fail(o, error, "hid: %s", problem);
     pthread_mutex_lock(&hidapi_lock);
-    s->handle = hid_open_path(d->path);
+    s->handle = hid_init() ? NULL : hid_open_path(node->path);
     pthread_mutex_unlock(&hidapi_lock);
     if (!s->handle)
         return quiet ? FATHOM_ERROR_NO_DEVICE
-                     : source_fail(o, FATHOM_ERROR_NO_DEVICE, "hid: %s can't be opened", d->path);
-    prepare(s, d, quiet);
+                     : source_fail(o, FATHOM_ERROR_NO_DEVICE, "hid: %s can't be opened", node->path);
+    prepare(s, node, quiet);
     /* From now on it is this one, wherever it is plugged in again. */
     s->path[0] = 0;
     s->by_id = true;
-    s->vendor = d->vendor_id;
-    s->product = d->product_id;
-    narrow(s->wanted_serial, sizeof s->wanted_serial, d->serial_number);
+    s->vendor = node->vendor;
+    s->product = node->product;
+    snprintf(s->wanted_serial, sizeof s->wanted_serial, "%s", node->serial);
     s->by_serial = s->wanted_serial[0] != 0;
     return FATHOM_OK;
 }
 
 static int find_and_open(imu_source *base, bool quiet) {
     hid_source *s = (hid_source *)base;
-    pthread_mutex_lock(&hidapi_lock);
-    struct hid_device_info *list =
-        hid_init() ? NULL : hid_enumerate(s->by_id ? s->vendor : 0, s->by_id ? s->product : 0);
-    pthread_mutex_unlock(&hidapi_lock);
+    hid_node nodes[HID_NODES];
+    const int count = hid_nodes_list(nodes);
     int result = FATHOM_ERROR_NO_DEVICE;
     bool seen = false, known = false;
-    for (struct hid_device_info *d = list; d && !s->handle; d = d->next) {
-        if (!d->path || !is_wanted(s, d)) continue;
+    for (int i = 0; i < count && !s->handle; i++) {
+        if (!is_wanted(s, &nodes[i])) continue;
         seen = true;
-        if (!recognise(d, &s->kind)) continue;
+        if (!recognise(&nodes[i], &s->kind)) continue;
         known = true;
         if (!apply_signs(s)) {
             result = source_fail(&base->base.options, FATHOM_ERROR_ARGUMENT,
                                  "hid: settings are accel=gravity or force, gyro=right or left");
             break;
         }
-        result = open_path(s, d, quiet);
+        result = open_node(s, &nodes[i], quiet);
     }
-    hid_free_enumeration(list);
     if (!known && !quiet && seen)
         source_fail(&base->base.options, result,
                     "hid:%s is there, but isn't an inertial sensor that is known", s->address.what);

@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "hid_descriptor.h"
+#include "hid_nodes.h"
 #include "hid_recording.h"
 
 static hid_descriptor d;
@@ -210,6 +211,28 @@ static void damaged_descriptors_are_harmless(void **state) {
     }
 }
 
+static void what_the_kernel_says_of_a_device(void **state) {
+    (void)state;
+    hid_node node;
+    assert_true(hid_node_parse(&node, "DRIVER=playstation\nHID_ID=0005:0000054C:00000CE6\nHID_NAME=Wireless\tController\n"
+                                      "HID_PHYS=aa\nHID_UNIQ=11:22:33:44:55:66\nMODALIAS=hid:b0005g0001\n"));
+    assert_int_equal(node.vendor, 0x054C);
+    assert_int_equal(node.product, 0x0CE6);
+    assert_int_equal(node.bus, HID_BUS_BLUETOOTH);
+    assert_string_equal(node.name, "Wireless?Controller");
+    assert_string_equal(node.serial, "11:22:33:44:55:66");
+    assert_true(hid_node_parse(&node, "HID_ID=0003:00001209:00000001"));
+    assert_int_equal(node.bus, HID_BUS_USB);
+    assert_string_equal(node.serial, "");
+    assert_false(hid_node_parse(&node, ""));
+    assert_false(hid_node_parse(&node, "HID_NAME=x\nXHID_ID=0003:00001209:00000001\n"));
+    assert_false(hid_node_parse(&node, "HID_ID=0003:zz\n"));
+    char large[4096] = "HID_ID=0003:00001209:00000001\nHID_NAME=";
+    memset(large + strlen(large), 'n', 3000);
+    assert_true(hid_node_parse(&node, large));
+    assert_int_equal(strlen(node.name), sizeof node.name - 1);
+}
+
 static void real_descriptors(void **state) {
     (void)state;
     static hid_recording recording;
@@ -246,6 +269,7 @@ int main(void) {
         cmocka_unit_test(what_breaks_the_rules_is_refused),
         cmocka_unit_test(bounds_hold),
         cmocka_unit_test(damaged_descriptors_are_harmless),
+        cmocka_unit_test(what_the_kernel_says_of_a_device),
         cmocka_unit_test(real_descriptors),
     };
     return hid_recording_run("tests", tests, sizeof tests / sizeof *tests, 1);
