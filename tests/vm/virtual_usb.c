@@ -166,7 +166,13 @@ int virtual_usb_plug(virtual_usb *device, const virtual_usb_kind *kind) {
     const int attach = open("/sys/devices/platform/vhci_hcd.0/attach", O_WRONLY);
     const int length =
         snprintf(line, sizeof line, "%d %d %d %d", kind->port, ends[1], 0x10000 + kind->port, HIGH_SPEED);
-    const bool attached = attach >= 0 && write(attach, line, (size_t)length) == length;
+    bool attached = false;
+    /* The port may still be busy with what was unplugged from it. */
+    for (int i = 0; i < 100 && attach >= 0 && !attached; i++) {
+        attached = write(attach, line, (size_t)length) == length;
+        if (!attached && errno != EBUSY) break;
+        if (!attached) usleep(50000);
+    }
     if (!attached) perror("vhci attach");
     if (attach >= 0) close(attach);
     close(ends[1]);
