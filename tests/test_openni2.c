@@ -390,7 +390,7 @@ static void frames_without_sense_are_left_out(void **state) {
         assert_int_equal(fathom_source_start(source), FATHOM_OK);
         next_frame(source);
         behave(ways[i]);
-        for (int i = 0; i < 1000 && status_of(source).malformed < 5; i++) usleep(10000);
+        for (int tries = 0; tries < 1000 && status_of(source).malformed < 5; tries++) usleep(10000);
         assert_true(status_of(source).malformed >= 5);
         behave("good");
         drain(source);
