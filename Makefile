@@ -199,7 +199,7 @@ check-vm:
 # ---- tests ----------------------------------------------------------------------------------------------------------
 # tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
 
-TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,tests/test_openni2.c) $(if $(filter 1,$(WITH_UDP)),,tests/test_udp_source.c)
+TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,tests/test_openni2%.c) $(if $(filter 1,$(WITH_UDP)),,tests/test_udp_source.c)
 TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(TESTS_OUT),$(sort $(wildcard tests/test_*.c))))
 SUPPORT_OBJ = $(filter-out $(CHECK_OBJ),$(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c))))
 CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
@@ -216,7 +216,7 @@ $(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a
 # Virtual cameras for test_openni2, as a driver that libOpenNI2 loads.
 VIRTUAL_DEPTH = $(BUILD)/tests/openni2/libVirtualDepth.so.0
 $(BUILD)/tests/openni2/%.cpp.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
-$(BUILD)/tests/test_openni2.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/tests/test_openni2.c.o $(BUILD)/tests/test_openni2_parts.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 $(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(DRIVERS_A) $(BUILD)/libfathom.a
 	$(call say,LD)
 	$(Q)$(CXX) -shared -o $@ $^ $(ALL_LDFLAGS) $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm

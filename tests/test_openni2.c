@@ -390,7 +390,8 @@ static void frames_without_sense_are_left_out(void **state) {
         assert_int_equal(fathom_source_start(source), FATHOM_OK);
         next_frame(source);
         behave(ways[i]);
-        while (status_of(source).malformed < 5) usleep(10000);
+        for (int tries = 0; tries < 1000 && status_of(source).malformed < 5; tries++) usleep(10000);
+        assert_true(status_of(source).malformed >= 5);
         behave("good");
         drain(source);
         const fathom_source_frame frame = next_frame(source);
@@ -419,7 +420,8 @@ static void a_slow_reader_is_told_of_drops(void **state) {
     (void)state;
     fathom_source *source = open_source("openni2:", (fathom_source_options){.frame_capacity = 2});
     assert_int_equal(fathom_source_start(source), FATHOM_OK);
-    while (status_of(source).frames < 20) usleep(10000);
+    for (int i = 0; i < 1000 && status_of(source).frames < 20; i++) usleep(10000);
+    assert_true(status_of(source).frames >= 20);
     const fathom_source_frame frame = next_frame(source);
     assert_true(frame.index >= 19);
     assert_true(status_of(source).frames_dropped >= 18);
@@ -660,32 +662,6 @@ static void a_damaged_recording_ends_with_an_error(void **state) {
     free(scan_bytes);
 }
 
-/* The compressed form by hand: a value, changes, repeats, a great change, a whole value. */
-static void compressed_depth(void **state) {
-    (void)state;
-    static const uint8_t plain[] = {0x10, 0x27, 0x5f, 0xe2, 0xff, 0x80, 0xff, 0x12, 0x34};
-    static const uint8_t table[] = {3, 0, 10, 0, 20, 0, 30, 0, 1, 0, 0x57};
-    uint16_t depth[8];
-    /* 10000, +1, (none), 2 * 2 repeats, +64, 0x1234 */
-    assert_true(oni_decode(plain, sizeof plain, false, depth, 8));
-    assert_int_equal(depth[0], 10000);
-    assert_int_equal(depth[1], 10001);
-    assert_int_equal(depth[5], 10001);
-    assert_int_equal(depth[6], 10065);
-    assert_int_equal(depth[7], 0x1234);
-    assert_false(oni_decode(plain, sizeof plain, false, depth, 7));
-    assert_false(oni_decode(plain, sizeof plain, false, depth, 9));
-    for (size_t cut = 0; cut < sizeof plain; cut++) assert_false(oni_decode(plain, cut, false, depth, 8));
-    /* the second, the third, the second */
-    assert_true(oni_decode(table, sizeof table, true, depth, 3));
-    assert_int_equal(depth[0], 20);
-    assert_int_equal(depth[1], 30);
-    assert_int_equal(depth[2], 20);
-    static const uint8_t beyond[] = {1, 0, 10, 0, 0, 0, 0x5f};
-    assert_false(oni_decode(beyond, sizeof beyond, true, depth, 2));
-    assert_false(oni_decode(table, 4, true, depth, 3));
-}
-
 static void what_is_no_recording_is_refused(void **state) {
     (void)state;
     write_text("text.oni", "this is no recording at all, only some words that stand in a file\n");
@@ -693,67 +669,6 @@ static void what_is_no_recording_is_refused(void **state) {
     refuses("openni2:text.oni", FATHOM_ERROR_PROTOCOL, "text.oni: it doesn't begin as a recording does");
     refuses("openni2:empty.oni", FATHOM_ERROR_PROTOCOL, "empty.oni");
     refuses("openni2:missing.oni", FATHOM_ERROR_NO_DATA, "missing.oni: No such file");
-}
-
-/* ---- without a device ---- */
-
-static void the_nearest_mode_is_chosen(void **state) {
-    (void)state;
-    const OniVideoMode modes[] = {
-        {ONI_PIXEL_FORMAT_SHIFT_9_2, 640, 480, 30},  {ONI_PIXEL_FORMAT_DEPTH_1_MM, 320, 240, 30},
-        {ONI_PIXEL_FORMAT_DEPTH_1_MM, 320, 240, 60}, {ONI_PIXEL_FORMAT_DEPTH_100_UM, 640, 480, 30},
-        {ONI_PIXEL_FORMAT_DEPTH_1_MM, 640, 480, 30}, {ONI_PIXEL_FORMAT_DEPTH_1_MM, 640, 480, 5},
-        {ONI_PIXEL_FORMAT_DEPTH_1_MM, 0, -4, 30}};
-    const openni2_wish usual = {640, 480, 0, ONI_PIXEL_FORMAT_DEPTH_1_MM, false};
-    const openni2_wish small = {300, 200, 60, ONI_PIXEL_FORMAT_DEPTH_1_MM, false};
-    const openni2_wish fine = {640, 480, 30, ONI_PIXEL_FORMAT_DEPTH_100_UM, false};
-    assert_ptr_equal(openni2_choose_mode(modes, 7, &usual), &modes[4]);
-    assert_ptr_equal(openni2_choose_mode(modes, 7, &small), &modes[2]);
-    assert_ptr_equal(openni2_choose_mode(modes, 7, &fine), &modes[3]);
-    assert_null(openni2_choose_mode(modes, 1, &usual));
-    assert_null(openni2_choose_mode(modes, 0, &usual));
-}
-
-static void run(const char *format, ...) {
-    char command[2048];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(command, sizeof command, format, arguments);
-    va_end(arguments);
-    assert_int_equal(system(command), 0);
-}
-
-/* A made-up sysfs with a Kinect: what keeps it from being opened is told. */
-static void what_is_on_the_usb_is_explained(void **state) {
-    (void)state;
-    char why[256];
-    openni2_usb cameras[4];
-    const char *root = path_to("root");
-    run("cd '%s' && mkdir -p root/sys/bus/usb/devices/1-2 root/sys/bus/usb/devices/1-3 "
-        "root/sys/bus/usb/devices/1-2:1.0 "
-        "root/dev/bus/usb/001 root/drivers/gspca_kinect root/drivers/usbfs && cd root/sys/bus/usb/devices && "
-        "echo 045e >1-2/idVendor && echo 02ae >1-2/idProduct && echo 1 >1-2/busnum && echo 7 >1-2/devnum && "
-        "echo dead >1-3/idVendor && echo beef >1-3/idProduct",
-        folder);
-    char here[512];
-    snprintf(here, sizeof here, "%s", root);
-    assert_int_equal(openni2_usb_list("/no/such/root", cameras, 4), 0);
-    assert_int_equal(openni2_usb_list(here, cameras, 4), 1);
-    assert_string_equal(cameras[0].name, "Kinect for Xbox 360");
-    assert_non_null(strstr(cameras[0].plugin, "libfreenect"));
-    assert_int_equal(openni2_usb_fault(here, &cameras[0], why, sizeof why), FATHOM_ERROR_NO_DEVICE);
-    run("touch '%s/dev/bus/usb/001/007'", here);
-    assert_int_equal(openni2_usb_fault(here, &cameras[0], why, sizeof why), FATHOM_OK);
-    run("cd '%s' && ln -s ../../../../../drivers/gspca_kinect sys/bus/usb/devices/1-2:1.0/driver", here);
-    assert_int_equal(openni2_usb_fault(here, &cameras[0], why, sizeof why), FATHOM_ERROR_BUSY);
-    assert_non_null(strstr(why, "modprobe -r gspca_kinect"));
-    run("cd '%s' && ln -sfn ../../../../../drivers/usbfs sys/bus/usb/devices/1-2:1.0/driver", here);
-    assert_int_equal(openni2_usb_fault(here, &cameras[0], why, sizeof why), FATHOM_ERROR_BUSY);
-    assert_non_null(strstr(why, "another program"));
-    if (geteuid() == 0) return; /* root may open everything */
-    run("chmod 400 '%s/dev/bus/usb/001/007'", here);
-    assert_int_equal(openni2_usb_fault(here, &cameras[0], why, sizeof why), FATHOM_ERROR_PERMISSION);
-    assert_non_null(strstr(why, "60-fathom-depth.rules"));
 }
 
 /* ---- a private libOpenNI2 ---- */
@@ -815,10 +730,7 @@ int main(int count, char **arguments) {
         cmocka_unit_test_setup(a_recording_plays_at_its_pace, start_test),
         cmocka_unit_test_setup(a_recording_that_was_cut, start_test),
         cmocka_unit_test_setup(a_damaged_recording_ends_with_an_error, start_test),
-        cmocka_unit_test(compressed_depth),
         cmocka_unit_test_setup(what_is_no_recording_is_refused, start_test),
-        cmocka_unit_test(the_nearest_mode_is_chosen),
-        cmocka_unit_test(what_is_on_the_usb_is_explained),
     };
     if (count > 1) cmocka_set_test_filter(arguments[1]);
     const int failed = cmocka_run_group_tests_name("openni2", tests, make_recording, remove_recording);

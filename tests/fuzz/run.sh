@@ -35,6 +35,7 @@ parts() {
     fuzz_hid_feature | fuzz_hid_report) echo hid_models hid_playstation imu_reading ;;
     fuzz_mtdata2) echo mtdata2 imu_reading ;;
     fuzz_udp_lines) echo udp_lines address iio_channels ;;
+    fuzz_oni) echo openni2_oni ;;
     esac
 }
 
