@@ -110,7 +110,6 @@ static int status(fathom_source *source, fathom_source_status *out) {
 static void close_source(fathom_source *source) {
     imu_source *s = of(source);
     shut(s);
-    if (s->device->free) s->device->free(s);
     imu_stream_free(&s->stream);
     source_queue_free(&s->queue);
     pthread_mutex_destroy(&s->lock);

@@ -28,8 +28,6 @@ typedef struct {
     void (*end)(imu_source *source);
     /* Closes it; may be called when it isn't open. */
     void (*shut)(imu_source *source);
-    /* Frees what the driver added to source, not source itself; NULL: nothing. */
-    void (*free)(imu_source *source);
 } imu_device;
 
 struct imu_source {
