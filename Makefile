@@ -3,9 +3,18 @@
 
 BUILD    ?= build
 PREFIX   ?= /usr/local
+UDEV     ?= $(PREFIX)/lib/udev/rules.d
 SANITIZE ?=
 DEBIAN_PACKAGES = gcc g++ libc6-dev pkg-config binutils ocl-icd-opencl-dev opencl-c-headers pocl-opencl-icd libeigen3-dev \
-                  libpng-dev libcmocka-dev oclgrind valgrind python3 python3-venv python3-numpy python3-matplotlib
+                  libpng-dev libopenni2-dev libhidapi-dev libusb-1.0-0-dev libiio-dev libcmocka-dev clang libclang-rt-dev \
+                  oclgrind valgrind python3 python3-venv python3-numpy python3-matplotlib
+
+# Drivers that stand on a library can be left out: make WITH_OPENNI2=0.
+WITH_OPENNI2 ?= 1
+WITH_HIDAPI  ?= 1
+WITH_LIBUSB  ?= 1
+WITH_LIBIIO  ?= 1
+WITH_UDP     ?= 1
 
 VERSION_MAJOR := $(shell sed -n 's/.define FATHOM_VERSION_MAJOR *//p' lib/fathom.h)
 VERSION_MINOR := $(shell sed -n 's/.define FATHOM_VERSION_MINOR *//p' lib/fathom.h)
@@ -27,13 +36,19 @@ ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 
 KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard lib/*.c lib/*.cpp)) $(BUILD)/kernels.o
-DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard drivers/*.c))
+DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/openni2_%.c) $(if $(filter 1,$(WITH_HIDAPI)),,drivers/hid_source.c) \
+              $(if $(filter 1,$(WITH_LIBUSB)),,drivers/usb_source.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/iio_source.c) \
+              $(if $(filter 1,$(WITH_UDP)),,drivers/udp_source.c)
+DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$(WITH_$(w)))
+DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(wildcard drivers/*.c)))
 CHECK_OBJ   = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/reference*.c tests/kernel_checks*.c))
 CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard examples/cli/*.c examples/cli/*.cpp)) $(CHECK_OBJ)
 LIB_SO      = $(BUILD)/libfathom.so.$(VERSION)
 DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm
-DRIVERS_LIBS = $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
+DRIVERS_PACKAGES = libpng $(if $(filter 1,$(WITH_OPENNI2)),libopenni2) $(if $(filter 1,$(WITH_HIDAPI)),hidapi-hidraw) \
+                   $(if $(filter 1,$(WITH_LIBUSB)),libusb-1.0) $(if $(filter 1,$(WITH_LIBIIO)),libiio)
+DRIVERS_LIBS = $(shell pkg-config --libs $(DRIVERS_PACKAGES) 2>/dev/null) -lpthread -lm
 
 # make V=1 shows the commands whole.
 Q = $(if $(V),,@)
@@ -46,7 +61,7 @@ all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)
 
 .PHONY: deps-check
 deps-check:
-	@pkg-config --exists eigen3 libpng OpenCL 2>/dev/null || { echo "make: eigen3, libpng or OpenCL is missing: run 'make deps' first" >&2; exit 1; }
+	@pkg-config --exists eigen3 OpenCL $(DRIVERS_PACKAGES) 2>/dev/null || { echo "make: one of eigen3 OpenCL $(DRIVERS_PACKAGES) is missing: run 'make deps' first" >&2; exit 1; }
 
 $(BUILD)/%.c.o: %.c Makefile
 	@mkdir -p $(@D)
@@ -57,6 +72,19 @@ $(BUILD)/%.cpp.o: %.cpp Makefile
 	@mkdir -p $(@D)
 	$(call say,CXX)
 	$(Q)$(CXX) $(CPPFLAGS) $(ALL_CXXFLAGS) -c $< -o $@
+
+# The table of drivers is made anew when another set of them is built.
+$(BUILD)/drivers/source.c.o: ALL_CFLAGS += $(DRIVERS_WITH)
+$(BUILD)/drivers/source.c.o: $(BUILD)/drivers/with
+$(BUILD)/drivers/with: FORCE
+	@mkdir -p $(@D)
+	@echo '$(DRIVERS_WITH)' | cmp -s - $@ || echo '$(DRIVERS_WITH)' >$@
+.PHONY: FORCE
+FORCE:
+
+$(BUILD)/drivers/hid_source.c.o: CPPFLAGS += $(shell pkg-config --cflags hidapi-hidraw 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/drivers/usb_source.c.o: CPPFLAGS += $(shell pkg-config --cflags libusb-1.0 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/drivers/openni2_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 
 # The kernels' text, one C string a file, so that nothing has to be installed beside the library.
 $(BUILD)/kernels.c: $(KERNELS) lib/embed.sh
@@ -99,6 +127,8 @@ help:
 	@echo "make deps       install the Debian packages that are missing"
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
+	@echo "make fuzz       the parsers of device data under libFuzzer, ten minutes each (FUZZ_SECONDS=)"
+	@echo "make check-vm   the drivers against the kernel's HID and USB in a virtual machine"
 	@echo "make bench      speed beside other systems and the machine's limit (BENCH=--results: into docs/SPEED.md)"
 	@echo "make bench-scale  time and memory as the work grows: depth, voxels, way, threads; into docs/SCALE.md"
 	@echo "make instructions  count the stages' instructions into tests/bench/instructions.txt, which make check holds"
@@ -152,25 +182,59 @@ install: all
 	install -m 644 lib/fathom.h drivers/fathom_drivers.h $(DESTDIR)$(PREFIX)/include/
 	install -m 755 $(BUILD)/fathom $(DESTDIR)$(PREFIX)/bin/
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' lib/fathom.pc.in > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
+	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' -e 's|@LIBS@|$(DRIVERS_LIBS)|' drivers/fathom-drivers.pc.in \
+	    > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
+	install -d $(DESTDIR)$(UDEV)
+	install -m 644 drivers/udev/*.rules $(DESTDIR)$(UDEV)/
 
 uninstall:
 	rm -f $(DESTDIR)$(PREFIX)/lib/libfathom.so* $(DESTDIR)$(PREFIX)/lib/libfathom.a $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.a
 	rm -f $(DESTDIR)$(PREFIX)/include/fathom.h $(DESTDIR)$(PREFIX)/include/fathom_drivers.h
-	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
+	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
+	rm -f $(addprefix $(DESTDIR)$(UDEV)/,$(notdir $(wildcard drivers/udev/*.rules)))
 
 clean:
 	rm -rf build out
 
+# Each fuzzer for ten minutes (FUZZ_SECONDS=); corpora stay in $(BUILD)/fuzz.
+.PHONY: fuzz
+FUZZ_SECONDS ?= 600
+fuzz: deps
+	sh tests/fuzz/run.sh $(BUILD) $(FUZZ_SECONDS)
+
+# The drivers against the kernel's own HID and USB stacks, in a virtual machine.
+.PHONY: check-vm
+VM_PACKAGES = qemu-system-x86 busybox-static cpio kmod xz-utils
+check-vm:
+	@$(MAKE) --no-print-directory deps DEBIAN_PACKAGES='$(DEBIAN_PACKAGES) $(VM_PACKAGES)'
+	@$(MAKE) --no-print-directory all $(BUILD)/tests/vm/vm_drivers
+	sh tests/vm/check.sh $(BUILD)
+
 # ---- tests ----------------------------------------------------------------------------------------------------------
 # tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
 
-TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(sort $(wildcard tests/test_*.c)))
+TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,tests/test_openni2%.c) $(if $(filter 1,$(WITH_UDP)),,tests/test_udp_source.c)
+TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(TESTS_OUT),$(sort $(wildcard tests/test_*.c))))
 SUPPORT_OBJ = $(filter-out $(CHECK_OBJ),$(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c))))
 CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
 
 $(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $< $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
+
+VM_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/vm/*.c))
+$(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
+
+# Virtual cameras for test_openni2, as a driver that libOpenNI2 loads.
+VIRTUAL_DEPTH = $(BUILD)/tests/openni2/libVirtualDepth.so.0
+$(BUILD)/tests/openni2/%.cpp.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/tests/test_openni2.c.o $(BUILD)/tests/test_openni2_parts.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
+$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(DRIVERS_A) $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -shared -o $@ $^ $(ALL_LDFLAGS) $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
+$(BUILD)/tests/test_openni2: | $(VIRTUAL_DEPTH)
 
 # What make reproduce measures with beside the fathom command.
 $(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a

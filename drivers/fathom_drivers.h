@@ -2,7 +2,7 @@
  * libfathom-drivers: where depth frames and inertial samples come from. The core (fathom.h) never needs it; a
  * rig with a camera of its own doesn't either.
  *
- * So far: recording folders in the TUM RGB-D / ETH3D SLAM layout.
+ * Recording folders in the TUM RGB-D / ETH3D SLAM layout come first, then live sources.
  *
  *     fathom_recording_options options = {.log = my_log};
  *     fathom_recording *recording;
@@ -114,6 +114,11 @@ FATHOM_API void fathom_recording_close(fathom_recording *recording);
  * offset, and gravity when rig.txt has it. The rest stays. */
 FATHOM_API void fathom_recording_configure(const fathom_recording *recording, fathom_config *config);
 
+/* The same from a folder that describes a live rig: rig.txt's mounting, clock offset and gravity, and calibration.txt's
+ * intrinsics for frames of *config's size; at least one of the files must be there. rig.txt's depth_scale is the
+ * recording's, and isn't taken. The errors of fathom_recording_open; log may be NULL. */
+FATHOM_API int fathom_rig_configure(const char *folder, fathom_config *config, fathom_log log, void *log_user);
+
 /* Reads depth frame number index (0..frame_count-1) into width*height pixels, row by row.
  * FATHOM_ERROR_NO_DATA when the file is missing, cut short or damaged; FATHOM_ERROR_SIZE when it has another
  * size than the first frame; FATHOM_ERROR_ARGUMENT. After an error the pixels are undefined. */
@@ -124,6 +129,161 @@ FATHOM_API int fathom_recording_read_depth(const fathom_recording *recording, in
  * when there is none. */
 FATHOM_API int fathom_recording_pose_at(const fathom_recording *recording, int64_t timestamp_ns,
                                         fathom_recording_pose *pose);
+
+/* ---- sources ------------------------------------------------------------------------------------------- */
+
+/*
+ * A source is a device, or something that takes its place, which gives depth frames, inertial samples or both:
+ *
+ *     fathom_source *camera;
+ *     fathom_source_open(&camera, "openni2:", NULL);             // the first one that can be opened
+ *     fathom_source_start(camera);
+ *     while (fathom_source_wait(camera, 1000) == FATHOM_OK)      // or FATHOM_ERROR_TIMEOUT, _CANCELLED, _ENDED
+ *         while (fathom_source_read_depth(camera, &frame) == FATHOM_OK)
+ *             fathom_step(scan, &frame.depth, &result);
+ *     fathom_source_close(camera);
+ *
+ * Stamps are on the host's monotonic clock (CLOCK_MONOTONIC), except for recordings' (folder, .oni), which are their
+ * own. A driver whose device has a clock of its own maps it and tracks its drift.
+ *
+ * One thread uses a source; fathom_source_cancel and fathom_source_status may be called from any other (cancel
+ * from a signal handler too). Opening and starting take memory from the heap; waiting and reading don't.
+ */
+
+/* What sources return beside fathom_error's values. */
+typedef enum {
+    FATHOM_ERROR_TIMEOUT = -20,    /* nothing arrived in time; the source goes on */
+    FATHOM_ERROR_CANCELLED = -21,  /* fathom_source_cancel was called; the next wait works again */
+    FATHOM_ERROR_ENDED = -22,      /* a recording has no more; everything was read */
+    FATHOM_ERROR_UNPLUGGED = -23,  /* the device is gone, and reconnecting wasn't asked for */
+    FATHOM_ERROR_PERMISSION = -24, /* the device is there, and this user may not open it; the log has the fix */
+    FATHOM_ERROR_BUSY = -25,       /* another program holds it */
+    FATHOM_ERROR_NO_DEVICE = -26,  /* no such device */
+    FATHOM_ERROR_NOT_BUILT = -27,  /* this build was made without the driver */
+    FATHOM_ERROR_PROTOCOL = -28,   /* the device answers what it shouldn't */
+    FATHOM_ERROR_UNSUPPORTED = -29 /* this source can't do that, or not in this mode */
+} fathom_source_error;
+
+/* "FATHOM_ERROR_TIMEOUT", ...; for fathom_error's values the same as fathom_error_name. Never NULL. */
+FATHOM_API const char *fathom_source_error_name(int error);
+
+/* What a source gives; or-ed. */
+enum { FATHOM_SOURCE_DEPTH = 1, FATHOM_SOURCE_IMU = 2, FATHOM_SOURCE_COLOR = 4 };
+
+typedef enum {
+    FATHOM_SOURCE_STOPPED = 0,   /* open, not started */
+    FATHOM_SOURCE_RUNNING = 1,
+    FATHOM_SOURCE_STALLED = 2,   /* started, and silent for ten periods (half a second at least) */
+    FATHOM_SOURCE_UNPLUGGED = 3, /* the device is gone; with reconnect it is looked for twice a second */
+    FATHOM_SOURCE_AT_END = 4     /* a recording has been read to its end */
+} fathom_source_state;
+
+/* "stopped", "running", ... Never NULL. */
+FATHOM_API const char *fathom_source_state_name(fathom_source_state state);
+
+/* A driver that there could be. */
+typedef struct {
+    const char *name; /* as in uris */
+    const char *what; /* in words */
+    bool built;       /* this build has it */
+} fathom_source_driver_info;
+
+/* The drivers by number, from 0; false: there is no such number. Any thread. */
+FATHOM_API bool fathom_source_driver(int index, fathom_source_driver_info *info);
+
+/* A device that a driver sees, or what keeps a driver from seeing any. */
+typedef struct {
+    const char *driver; /* "folder", "openni2", "hid", "usb", "iio", "udp" */
+    unsigned kinds;     /* FATHOM_SOURCE_DEPTH, ...; 0: not a device but a remark on the driver (problem) */
+    char uri[256];      /* what fathom_source_open takes */
+    char name[96];      /* maker and model */
+    char serial[64];    /* "" where there is none */
+    int error;          /* FATHOM_OK: it can be opened; else why it can't */
+    char problem[256];  /* in words, with the fix ("" when FATHOM_OK) */
+} fathom_source_info;
+
+/* Gets one device; valid during the call. Returns 0 to go on. */
+typedef int (*fathom_source_found)(void *user, const fathom_source_info *info);
+
+/* Names what each driver sees; drivers that aren't built in or lack something say so (kinds 0). driver: one of the
+ * names above, or NULL for all. Returns the number of devices, or an error. Any thread. */
+FATHOM_API int fathom_sources_enumerate(const char *driver, fathom_source_found found, void *user,
+                                        fathom_log log, void *log_user);
+
+/* How to open a source. All zero is usable. */
+typedef struct {
+    unsigned kinds;              /* what is wanted of it: FATHOM_SOURCE_DEPTH, ... Only that is gathered; 0: all it has */
+    bool reconnect;              /* look for the same device again when it was unplugged */
+    int width, height;           /* depth: pixels wanted; 0: 640x480, or the nearest there is */
+    double rate_hz;              /* frames or samples a second wanted; 0: the driver's usual */
+    double speed;                /* recordings: 1 as recorded, 2 twice as fast, 0: as fast as they are read */
+    bool color;                  /* depth with colour registered to it, where there is any */
+    int imu_capacity;            /* samples kept between reads; 0: 2048. When full, the oldest is dropped and counted */
+    int frame_capacity;          /* depth frames kept between reads; 0: 3. When full, the oldest is dropped and counted */
+    fathom_log log;              /* NULL: silent. Called from the source's own threads too. Must outlive the source */
+    void *log_user;
+} fathom_source_options;
+
+typedef struct fathom_source fathom_source;
+
+/* Opens the device that uri names: `driver:rest`, where rest is the driver's (docs/DRIVERS.md); empty: its first. A path
+ * of a folder is short for `folder:path`. On an error *source is NULL, and the log says what to do. */
+FATHOM_API int fathom_source_open(fathom_source **source, const char *uri, const fathom_source_options *options);
+
+/* NULL is allowed; stops first. */
+FATHOM_API void fathom_source_close(fathom_source *source);
+
+/* Begins to gather. After fathom_source_stop it may be called again; a recording starts anew. */
+FATHOM_API int fathom_source_start(fathom_source *source);
+FATHOM_API int fathom_source_stop(fathom_source *source);
+
+/* Waits until a depth frame or a sample can be read: FATHOM_OK, or FATHOM_ERROR_TIMEOUT (timeout_ms; negative: no limit),
+ * _CANCELLED, _ENDED, _UNPLUGGED. */
+FATHOM_API int fathom_source_wait(fathom_source *source, int timeout_ms);
+
+/* Lets a fathom_source_wait that is under way, or the next one, return FATHOM_ERROR_CANCELLED at once (50 ms at most). Any
+ * thread; safe in a signal handler. */
+FATHOM_API void fathom_source_cancel(fathom_source *source);
+
+/* A depth frame of a source. */
+typedef struct {
+    fathom_depth_frame depth; /* as fathom_step takes it; pixels are the source's, valid until the next read, stop or close */
+    const uint8_t *color;     /* R G B a pixel, registered to the depth; NULL: none */
+    int64_t arrival_ns;       /* CLOCK_MONOTONIC, when the host had it whole */
+    int64_t device_ns;        /* the device's own stamp; 0: none */
+    int64_t index;            /* the device's frame number; jumps where frames were lost */
+} fathom_source_frame;
+
+/* The oldest frame that wasn't read yet; FATHOM_ERROR_TIMEOUT when there is none. Never waits. */
+FATHOM_API int fathom_source_read_depth(fathom_source *source, fathom_source_frame *frame);
+
+/* Up to capacity samples, oldest first; returns their number, 0 when there is none. Never waits. */
+FATHOM_API int fathom_source_read_imu(fathom_source *source, fathom_imu_sample *samples, int capacity);
+
+/* What a source is and how it fares. */
+typedef struct {
+    fathom_source_state state;
+    unsigned kinds;
+    char name[96], serial[64];
+    int width, height;            /* depth pixels; 0: no depth */
+    double intrinsics[4];         /* fx fy cx cy, pixels; from the field of view where the device doesn't know them */
+    double depth_units_per_metre;
+    double rate_hz;               /* as measured over the last second or so; 0: not yet */
+    int64_t frames, samples;      /* received whole */
+    int64_t frames_dropped, samples_dropped; /* because nobody read them in time */
+    int64_t lost;                 /* that the device's own numbers show to be missing */
+    int64_t malformed;            /* reports, packets or frames that made no sense and were dropped */
+    int64_t unplugged, reconnects, stalls; /* times */
+    double clock_offset_s;        /* host minus device, where the device has a clock */
+    double clock_drift_ppm;       /* of the device's clock against the host's */
+} fathom_source_status;
+
+/* Any thread. */
+FATHOM_API int fathom_source_get_status(fathom_source *source, fathom_source_status *status);
+
+/* Sets what the source knows in *config: size, intrinsics, depth scale; for a folder and for IMUs with a known mounting that
+ * too. The rest stays. */
+FATHOM_API void fathom_source_configure(fathom_source *source, fathom_config *config);
 
 #ifdef __cplusplus
 }

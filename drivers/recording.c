@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 /* What TUM RGB-D's own tools take for a folder that doesn't say (its "file formats" page), at 640x480. */
 static const double tum_intrinsics[4] = {525, 525, 319.5, 239.5};
@@ -62,7 +63,8 @@ static int settle_depth_scale(struct recording *recording, const fathom_recordin
     return FATHOM_OK;
 }
 
-static int read_all(struct recording *recording, const fathom_recording_options *options) {
+static int read_all(struct recording *recording, const void *user) {
+    const fathom_recording_options *options = user;
     int result = recording_read_frames(recording);
     if (!result) result = find_size(recording);
     if (!result) result = recording_read_calibration(recording);
@@ -75,12 +77,11 @@ static int read_all(struct recording *recording, const fathom_recording_options 
     return result;
 }
 
-int fathom_recording_open(fathom_recording **out, const char *folder,
-                          const fathom_recording_options *options) {
-    static const fathom_recording_options none = {0};
+/* Runs read(recording, user) on an empty recording of that folder. The files have decimal points whatever the
+ * caller's locale has. */
+static int with_folder(struct recording **out, const char *folder, fathom_log log, void *log_user,
+                       int (*read)(struct recording *, const void *), const void *user) {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    if (!options) options = &none;
-    if (!out || !folder) return FATHOM_ERROR_ARGUMENT;
     *out = NULL;
     struct recording *recording = calloc(1, sizeof *recording);
     if (recording) recording->folder = strdup(folder);
@@ -89,15 +90,14 @@ int fathom_recording_open(fathom_recording **out, const char *folder,
         return FATHOM_ERROR_MEMORY;
     }
     recording->shown.folder = recording->folder;
-    recording->log = options->log;
-    recording->log_user = options->log_user;
+    recording->log = log;
+    recording->log_user = log_user;
     memcpy(recording->shown.imu_to_camera_rotation, identity, sizeof identity);
     memcpy(recording->shown.color_to_depth_rotation, identity, sizeof identity);
 
-    /* The files have decimal points whatever the caller's locale has. */
     const locale_t plain = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
     const locale_t before = plain ? uselocale(plain) : (locale_t)0;
-    const int result = plain ? read_all(recording, options)
+    const int result = plain ? read(recording, user)
                              : recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", folder);
     if (plain) {
         uselocale(before);
@@ -106,8 +106,53 @@ int fathom_recording_open(fathom_recording **out, const char *folder,
     if (result)
         fathom_recording_close(&recording->shown);
     else
-        *out = &recording->shown;
+        *out = recording;
     return result;
+}
+
+int fathom_recording_open(fathom_recording **out, const char *folder,
+                          const fathom_recording_options *options) {
+    static const fathom_recording_options none = {0};
+    struct recording *recording;
+    if (!options) options = &none;
+    if (!out || !folder) return FATHOM_ERROR_ARGUMENT;
+    const int result = with_folder(&recording, folder, options->log, options->log_user, read_all, options);
+    *out = result ? NULL : &recording->shown;
+    return result;
+}
+
+/* ---- a folder that only describes a rig ---- */
+
+static int read_description(struct recording *recording, const void *user) {
+    const fathom_config *config = user;
+    fathom_recording *shown = &recording->shown;
+    shown->width = config->depth_width;
+    shown->height = config->depth_height;
+    shown->intrinsics[0] = config->fx;
+    shown->intrinsics[1] = config->fy;
+    shown->intrinsics[2] = config->cx;
+    shown->intrinsics[3] = config->cy;
+    for (int i = 0; i < 5; i++) shown->distortion[i] = config->distortion[i];
+    char *rig = recording_path(recording, "rig.txt");
+    const bool there = rig && access(rig, F_OK) == 0;
+    free(rig);
+    int result = recording_read_calibration(recording);
+    if (!result && !there && !recording->has_calibration)
+        result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: there is neither rig.txt nor calibration.txt",
+                                recording->folder);
+    if (!result) result = recording_read_rig(recording);
+    shown->depth_units_per_metre = config->depth_units_per_metre;
+    return result;
+}
+
+int fathom_rig_configure(const char *folder, fathom_config *config, fathom_log log, void *log_user) {
+    struct recording *recording;
+    if (!folder || !config) return FATHOM_ERROR_ARGUMENT;
+    const int result = with_folder(&recording, folder, log, log_user, read_description, config);
+    if (result) return result;
+    fathom_recording_configure(&recording->shown, config);
+    fathom_recording_close(&recording->shown);
+    return FATHOM_OK;
 }
 
 void fathom_recording_close(fathom_recording *shown) {

@@ -95,12 +95,23 @@ static() {
     $cc -o "$work/static" outside.c $(pkg-config --cflags fathom) "$usr/lib/libfathom.a" -lOpenCL -lstdc++ -lpthread -lm &&
         "$work/static"
 }
+cat >"$work/drivers.c" <<'END'
+#include <fathom_drivers.h>
+int main(void) {
+    fathom_source *source;
+    return fathom_source_open(&source, "folder:/nowhere", 0) != FATHOM_ERROR_NO_DATA;
+}
+END
+drivers() {
+    $cc -o "$work/drivers" drivers.c $(pkg-config --cflags --libs fathom-drivers) && LD_LIBRARY_PATH=$usr/lib "$work/drivers"
+}
 version() { [ "$(pkg-config --modversion fathom)" = "$("$work/shared" 2>/dev/null | cut -d' ' -f1)" ]; }
 check "a C program outside, by pkg-config" shared "$cc" outside.c
 if command -v readelf >/dev/null; then check "it needs libfathom.so.0" needed; else skip "it needs libfathom.so.0" "no readelf"; fi
 LD_LIBRARY_PATH=$usr/lib
 export LD_LIBRARY_PATH
 check "pkg-config has the library's version" version
+check "a program with the drivers, by pkg-config" drivers
 check "a C++ program outside" shared "$cxx" outside.cpp
 unset LD_LIBRARY_PATH
 check "a program with the static library" static

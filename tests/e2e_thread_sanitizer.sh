@@ -18,19 +18,21 @@ outcome() {
     fi
 }
 
-echo "1..4"
+tests=10
+echo "1..$tests"
 printf 'int main(void) { return 0; }\n' >"$tsan/probe.c"
 if ! ${CC:-cc} -fsanitize=thread -o "$tsan/probe" "$tsan/probe.c" 2>"$tsan/probe.log" || ! "$tsan/probe" 2>>"$tsan/probe.log"; then
-    for i in 1 2 3 4; do echo "ok $i - thread sanitizer # SKIP the compiler's thread sanitizer doesn't work here"; done
+    for i in $(seq 1 $tests); do echo "ok $i - thread sanitizer # SKIP the compiler's thread sanitizer doesn't work here"; done
     exit 0
 fi
 
 make BUILD="$tsan" SANITIZE=thread OPTIMISE='-O1 -g' "$tsan/tests/test_inertial" "$tsan/tests/test_api_step" \
-    "$tsan/tests/test_api_device" >"$tsan/make.log" 2>&1
+    "$tsan/tests/test_api_device" "$tsan/tests/test_source" "$tsan/tests/test_imu_stream" \
+    "$tsan/tests/test_udp_source" "$tsan/fathom" >"$tsan/make.log" 2>&1
 status=$?
 outcome "builds with the thread sanitizer" $status "$tsan/make.log"
 if [ $status -ne 0 ]; then
-    for i in 2 3 4; do echo "not ok $i - not built"; done
+    for i in $(seq 2 $tests); do echo "not ok $i - not built"; done
     exit 1
 fi
 
@@ -45,3 +47,20 @@ race "$tsan/tests/test_api_step" 'samples_are_pushed*'
 outcome "pushing samples while stepping has no race" $? "$tsan/run.log"
 race "$tsan/tests/test_api_device" 'contexts_step_on_threads*'
 outcome "two contexts on two threads have no race" $? "$tsan/run.log"
+race "$tsan/tests/test_source"
+outcome "queues and recording folders as sources have no race" $? "$tsan/run.log"
+race "$tsan/tests/test_imu_stream"
+outcome "inertial streams have no race" $? "$tsan/run.log"
+race "$tsan/tests/test_udp_source"
+outcome "a phone by UDP has no race" $? "$tsan/run.log"
+if [ -f "$build/tests/test_openni2" ]; then
+    make BUILD="$tsan" SANITIZE=thread OPTIMISE='-O1 -g' "$tsan/tests/test_openni2" >"$tsan/make.log" 2>&1 &&
+        race "$tsan/tests/test_openni2"
+    outcome "cameras of OpenNI2 have no race" $? "$tsan/run.log"
+else
+    outcome "cameras of OpenNI2 have no race # SKIP built without OpenNI2" 0
+fi
+"$build/fathom" simulate desk "$tsan/rig" --frames 20 --size 160x120 >"$tsan/run.log" 2>&1
+outcome "a rig to scan" $? "$tsan/run.log"
+race "$tsan/fathom" scan --depth "$tsan/rig" --speed 0.5 --progress --json
+outcome "a scan has no race" $? "$tsan/run.log"

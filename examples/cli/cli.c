@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -12,6 +13,8 @@
 #include <unistd.h>
 
 /* ---- Messages ---- */
+
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of stderr and the progress line */
 
 static struct {
     const char *what;
@@ -29,8 +32,10 @@ static void print_line(const char *kind, const char *format, va_list arguments) 
     for (char *c = text; *c; c++)
         if (*c == '\n' || *c == '\r')
             *c = ' '; /* a file name may hold anything; the message stays one line */
+    pthread_mutex_lock(&lock);
     fprintf(stderr, "%sfathom: %s%s\n", progress.on_line ? "\r\033[K" : "", kind, text);
     progress.on_line = false;
+    pthread_mutex_unlock(&lock);
 }
 
 int cli_error(int status, const char *format, ...) {
@@ -88,6 +93,21 @@ bool cli_parse_double(const char *option, const char *text, double low, double h
     return true;
 }
 
+/* ---- Files ---- */
+
+bool cli_can_write(const char *file) {
+    char probe[4096];
+    snprintf(probe, sizeof probe, "%s.part", file);
+    FILE *opened = fopen(probe, "wb");
+    if (!opened) {
+        cli_error(CLI_FAILED, "%s: can't be written there (%s.part: %m)", file, file);
+        return false;
+    }
+    fclose(opened);
+    unlink(probe);
+    return true;
+}
+
 /* ---- Ctrl-C ---- */
 
 static volatile sig_atomic_t interrupted;
@@ -128,8 +148,9 @@ void cli_progress(long done, const char *detail) {
     clock_gettime(CLOCK_MONOTONIC, &now);
     const double since =
         (double)(now.tv_sec - progress.last.tv_sec) + 1e-9 * (double)(now.tv_nsec - progress.last.tv_nsec);
-    if (since < 0.1 && done < progress.total) return;
+    if (since < 0.1 && (progress.total <= 0 || done < progress.total)) return;
     progress.last = now;
+    pthread_mutex_lock(&lock);
     const bool terminal = isatty(STDERR_FILENO);
     fprintf(stderr, "%s%s %ld", terminal ? "\r\033[K" : "", progress.what, done);
     if (progress.total > 0) fprintf(stderr, "/%ld", progress.total);
@@ -137,6 +158,7 @@ void cli_progress(long done, const char *detail) {
     if (!terminal) fputc('\n', stderr); /* forced into a file or a pipe: a line each, no escapes */
     progress.on_line = terminal;
     fflush(stderr);
+    pthread_mutex_unlock(&lock);
 }
 
 void cli_progress_end(void) {

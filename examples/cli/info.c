@@ -1,6 +1,7 @@
 /* fathom info: versions, OpenCL devices, drivers built in, bytes for the given settings. */
 #define CL_TARGET_OPENCL_VERSION 120
 #include "cli.h"
+#include "fathom_drivers.h"
 #include "log.h"
 #include "settings.h"
 
@@ -109,9 +110,8 @@ int command_info(int argc, char **argv) {
     settings.config.log_user = &log;
     printf("fathom %s\n", fathom_version());
     print_platforms();
-    printf("driver: recording folder (TUM RGB-D, ETH3D): built in\n");
-    static const char *const missing[] = {"OpenNI2 depth cameras", "HID IMU", "USB IMU", "network IMU"};
-    for (size_t i = 0; i < sizeof missing / sizeof *missing; i++)
-        printf("driver: %s: not built\n", missing[i]);
+    fathom_source_driver_info driver;
+    for (int i = 0; fathom_source_driver(i, &driver); i++)
+        printf("driver: %s (%s): %s\n", driver.name, driver.what, driver.built ? "built in" : "not built");
     return plan ? print_plan(&settings, &log) : CLI_DONE;
 }

@@ -1,11 +1,15 @@
 #include "log.h"
 #include "cli.h"
 
+#include <pthread.h>
 #include <stdio.h>
 #include <string.h>
 
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* sources have threads of their own */
+
 void log_message(void *user, fathom_log_level level, const char *text) {
     struct cli_log *log = user;
+    pthread_mutex_lock(&lock);
     switch (level) {
     case FATHOM_LOG_ERROR:
         /* A compiler's report has many lines, and all of them matter: it goes out as it is. */
@@ -18,10 +22,13 @@ void log_message(void *user, fathom_log_level level, const char *text) {
         if (log->verbose) cli_note("%s", text);
         break;
     }
+    pthread_mutex_unlock(&lock);
 }
 
 void log_clear(struct cli_log *log) {
+    pthread_mutex_lock(&lock);
     *log->error = 0;
+    pthread_mutex_unlock(&lock);
 }
 
 const char *log_reason(const struct cli_log *log, int error) {

@@ -13,6 +13,8 @@ static const struct command {
     const char *says;
 } commands[] = {
     {"replay", command_replay, "track and reconstruct a recording"},
+    {"scan", command_scan, "track and reconstruct what a live rig sees"},
+    {"devices", command_devices, "depth cameras and inertial sensors, and what they lack"},
     {"simulate", command_simulate, "render a scene into a recording, with its ground truth"},
     {"calibrate", command_calibrate, "how the IMU sits on the camera, from a recording"},
     {"info", command_info, "versions, OpenCL devices, bytes needed"},

@@ -10,6 +10,7 @@
 #include <stdio.h>
 
 #include "fathom.h"
+#include "log.h"
 
 struct ply_slot; /* of the window in which shared corners are recognised */
 
@@ -34,5 +35,8 @@ void ply_discard(struct ply *ply);
 
 /* A fathom_triangles; user is the struct ply. Returns nonzero when writing failed, and says so. */
 int ply_triangles(void *user, const fathom_vertex *vertices, size_t triangle_count);
+
+/* The whole surface of a context as such a file; log is the context's. */
+bool ply_write_surface(fathom *scan, const char *path, struct cli_log *log);
 
 #endif

@@ -17,7 +17,6 @@
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <unistd.h>
 
 struct replay {
     struct replay_options options;
@@ -55,24 +54,10 @@ static int start_library(struct replay *replay) {
     return status;
 }
 
-/* A place that can't be written to is better known now than after the scan. */
-static bool can_write(const char *file) {
-    char probe[4096];
-    snprintf(probe, sizeof probe, "%s.part", file);
-    FILE *opened = fopen(probe, "wb");
-    if (!opened) {
-        cli_error(CLI_FAILED, "%s: can't be written there (%s.part: %m)", file, file);
-        return false;
-    }
-    fclose(opened);
-    unlink(probe);
-    return true;
-}
-
 static int open_files(struct replay *replay) {
     const struct replay_options *options = &replay->options;
-    if (options->mesh && !can_write(options->mesh)) return CLI_FAILED;
-    if (options->picture && !can_write(options->picture)) return CLI_FAILED;
+    if (options->mesh && !cli_can_write(options->mesh)) return CLI_FAILED;
+    if (options->picture && !cli_can_write(options->picture)) return CLI_FAILED;
     if (options->trajectory && !trajectory_open(&replay->trajectory, options->trajectory)) return CLI_FAILED;
     if (options->stats && !stats_open(&replay->stats, options->stats)) return CLI_FAILED;
     return CLI_DONE;
@@ -157,21 +142,6 @@ static int take_frames(struct replay *replay) {
 
 /* ---- after the last frame ------------------------------------------------------------------------------ */
 
-static bool write_mesh(struct replay *replay) {
-    struct ply ply;
-    if (!ply_open(&ply, replay->options.mesh)) return false;
-    log_clear(&replay->log);
-    const int64_t triangles = fathom_extract_mesh(replay->playback.scan, 0, ply_triangles, &ply);
-    if (triangles < 0 && !ply.failed)
-        cli_error(CLI_FAILED, "%s: %s", replay->options.mesh, log_reason(&replay->log, (int)triangles));
-    if (triangles == 0) cli_warning("%s: there is no surface, the mesh is empty", replay->options.mesh);
-    if (triangles < 0) {
-        ply_discard(&ply);
-        return false;
-    }
-    return ply_close(&ply);
-}
-
 static void say_counters(const struct replay *replay) {
     fathom_counters c;
     if (fathom_get_counters(replay->playback.scan, &c)) return;
@@ -229,7 +199,8 @@ static void finish(struct replay *replay) {
     const struct replay_options *options = &replay->options;
     if (!trajectory_close(&replay->trajectory)) replay->write_failed = true;
     if (!stats_close(&replay->stats)) replay->write_failed = true;
-    if (options->mesh && !write_mesh(replay)) replay->write_failed = true;
+    if (options->mesh && !ply_write_surface(replay->playback.scan, options->mesh, &replay->log))
+        replay->write_failed = true;
     if (options->picture && !picture_write(replay->playback.scan, &replay->path, options->picture))
         replay->write_failed = true;
     say_counters(replay);

@@ -1,0 +1,216 @@
+#include "scan_rig.h"
+#include "cli.h"
+#include "monotonic.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define SLICE_MS 100            /* between two looks whether to end */
+#define SAMPLES_WAIT_NS 5000000 /* a frame waits so long for the samples up to its stamp */
+
+/* ---- opening ---- */
+
+struct search {
+    unsigned kind;
+    char uri[256];
+};
+
+static int take_first(void *user, const fathom_source_info *info) {
+    struct search *search = user;
+    if (!(info->kinds & search->kind) || info->error) return 0;
+    snprintf(search->uri, sizeof search->uri, "%s", info->uri);
+    return 1;
+}
+
+static bool find_first(struct search *search, struct cli_log *log) {
+    fathom_sources_enumerate(NULL, take_first, search, log_message, log);
+    log_clear(log);
+    return *search->uri;
+}
+
+static const char *reason(const struct cli_log *log, int error) {
+    return *log->error ? log->error : fathom_source_error_name(error);
+}
+
+static int open_source(fathom_source **source, const char *uri, unsigned kind,
+                       const struct scan_options *options, struct cli_log *log) {
+    const fathom_source_options how = {.kinds = kind,
+                                       .reconnect = options->reconnect,
+                                       .width = kind == FATHOM_SOURCE_DEPTH ? options->width : 0,
+                                       .height = kind == FATHOM_SOURCE_DEPTH ? options->height : 0,
+                                       .rate_hz = kind == FATHOM_SOURCE_DEPTH ? options->rate : 0,
+                                       .speed = options->speed,
+                                       .log = log_message,
+                                       .log_user = log};
+    log_clear(log);
+    return fathom_source_open(source, uri, &how);
+}
+
+static int open_depth(struct scan_rig *rig, const char **uri, struct search *search,
+                      const struct scan_options *options, struct cli_log *log) {
+    search->kind = FATHOM_SOURCE_DEPTH;
+    if (!*uri && !find_first(search, log))
+        return cli_error(CLI_FAILED, "no depth camera can be opened; fathom devices says why");
+    if (!*uri) *uri = search->uri;
+    const int result = open_source(&rig->depth, *uri, FATHOM_SOURCE_DEPTH, options, log);
+    if (result)
+        return cli_error(result == FATHOM_ERROR_ARGUMENT ? CLI_USAGE : CLI_FAILED, "%s", reason(log, result));
+    if (options->verbose) cli_note("depth from %s", *uri);
+    return CLI_DONE;
+}
+
+static bool is_folder(const char *uri) {
+    struct stat is;
+    return strncmp(uri, "folder:", 7) == 0 || (stat(uri, &is) == 0 && S_ISDIR(is.st_mode));
+}
+
+static bool is_recording(const char *uri) {
+    const size_t length = strlen(uri);
+    return is_folder(uri) || (length > 4 && strcmp(uri + length - 4, ".oni") == 0);
+}
+
+static int open_imu(struct scan_rig *rig, const char *depth, const struct scan_options *options,
+                    struct cli_log *log) {
+    struct search search = {.kind = FATHOM_SOURCE_IMU};
+    const char *uri = options->imu;
+    if (uri && !*uri) return CLI_DONE;
+    if (!uri && is_folder(depth)) uri = depth; /* a rig of its own, when it has samples */
+    if (!uri && find_first(&search, log)) uri = search.uri;
+    const int result =
+        uri ? open_source(&rig->imu, uri, FATHOM_SOURCE_IMU, options, log) : FATHOM_ERROR_NO_DEVICE;
+    if (!result) {
+        if (options->verbose) cli_note("inertial samples from %s", uri);
+        rig->unpaced &= is_recording(uri);
+        return CLI_DONE;
+    }
+    if (options->imu)
+        return cli_error(result == FATHOM_ERROR_ARGUMENT ? CLI_USAGE : CLI_FAILED, "%s", reason(log, result));
+    cli_note("no inertial sensor: scanning without");
+    log_clear(log);
+    return CLI_DONE;
+}
+
+int scan_rig_open(struct scan_rig *rig, const struct scan_options *options, struct cli_log *log) {
+    struct search search = {0};
+    const char *depth = options->depth;
+    pthread_condattr_t attributes;
+    *rig = (struct scan_rig){.newest_ns = INT64_MIN};
+    pthread_mutex_init(&rig->lock, NULL);
+    pthread_condattr_init(&attributes);
+    pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
+    pthread_cond_init(&rig->pushed, &attributes);
+    pthread_condattr_destroy(&attributes);
+    const int status = open_depth(rig, &depth, &search, options, log);
+    rig->unpaced = !status && options->speed == 0 && is_recording(depth);
+    return status ? status : open_imu(rig, depth, options, log);
+}
+
+int scan_rig_configure(struct scan_rig *rig, const struct scan_options *options, fathom_config *config,
+                       struct cli_log *log) {
+    const struct settings *settings = &options->settings;
+    fathom_source_configure(rig->depth, config);
+    if (rig->imu) fathom_source_configure(rig->imu, config);
+    log_clear(log);
+    const int result =
+        options->rig ? fathom_rig_configure(options->rig, config, log_message, log) : FATHOM_OK;
+    if (result) return cli_error(CLI_FAILED, "%s", reason(log, result));
+    config->imu = rig->imu != NULL;
+    if (settings->depth_scale > 0) config->depth_units_per_metre = (float)settings->depth_scale;
+    if (settings->intrinsics[0] > 0) {
+        config->fx = (float)settings->intrinsics[0];
+        config->fy = (float)settings->intrinsics[1];
+        config->cx = (float)settings->intrinsics[2];
+        config->cy = (float)settings->intrinsics[3];
+    }
+    return CLI_DONE;
+}
+
+/* ---- samples ---- */
+
+/* With what the tail of the batch shows of the sample period. */
+static void push(struct scan_rig *rig, const fathom_imu_sample *samples, int count) {
+    for (int i = 0; i < count; i++) fathom_push_imu(rig->scan, &samples[i]);
+    const int64_t newest_ns = samples[count - 1].timestamp_ns + rig->clock_offset_ns;
+    pthread_mutex_lock(&rig->lock);
+    if (rig->samples > 0 && newest_ns > rig->newest_ns) rig->period_ns = (newest_ns - rig->newest_ns) / count;
+    rig->newest_ns = newest_ns;
+    rig->samples += count;
+    pthread_cond_broadcast(&rig->pushed);
+    pthread_mutex_unlock(&rig->lock);
+}
+
+static void end_samples(struct scan_rig *rig, int why) {
+    pthread_mutex_lock(&rig->lock);
+    rig->ended = why;
+    pthread_cond_broadcast(&rig->pushed);
+    pthread_mutex_unlock(&rig->lock);
+}
+
+static void *push_samples(void *user) {
+    struct scan_rig *rig = user;
+    fathom_imu_sample samples[64];
+    int result;
+    do {
+        result = fathom_source_wait(rig->imu, -1);
+        for (int n; !result && (n = fathom_source_read_imu(rig->imu, samples, 64)) > 0;)
+            push(rig, samples, n);
+    } while (!result || result == FATHOM_ERROR_TIMEOUT);
+    end_samples(rig, result);
+    return NULL;
+}
+
+int scan_rig_start(struct scan_rig *rig, const fathom_config *config, fathom *scan, struct cli_log *log) {
+    rig->scan = scan;
+    rig->clock_offset_ns = config->imu_clock_offset_ns;
+    log_clear(log);
+    int result = rig->imu ? fathom_source_start(rig->imu) : FATHOM_OK;
+    if (!result) result = fathom_source_start(rig->depth);
+    if (result) return cli_error(CLI_FAILED, "%s", reason(log, result));
+    if (!rig->imu || rig->unpaced) return CLI_DONE;
+    if (pthread_create(&rig->thread, NULL, push_samples, rig))
+        return cli_error(CLI_FAILED, "no thread could be made");
+    rig->threaded = true;
+    return CLI_DONE;
+}
+
+/* Samples up to one beyond the stamp, as a replay pushes them. */
+static void pull_until(struct scan_rig *rig, int64_t stamp_ns) {
+    while (!rig->ended && rig->newest_ns <= stamp_ns && !cli_interrupted()) {
+        if (rig->kept_next < rig->kept_count) {
+            push(rig, &rig->kept[rig->kept_next++], 1);
+            continue;
+        }
+        const int result = fathom_source_wait(rig->imu, SLICE_MS);
+        if (result && result != FATHOM_ERROR_TIMEOUT) end_samples(rig, result);
+        rig->kept_next = 0;
+        rig->kept_count = result ? 0 : fathom_source_read_imu(rig->imu, rig->kept, 64);
+    }
+}
+
+void scan_rig_push_until(struct scan_rig *rig, int64_t stamp_ns) {
+    if (!rig->imu) return;
+    if (rig->unpaced) {
+        pull_until(rig, stamp_ns);
+        return;
+    }
+    const struct timespec until = monotonic_timespec(monotonic_now_ns() + SAMPLES_WAIT_NS);
+    pthread_mutex_lock(&rig->lock);
+    /* Without a sample for many periods there is nothing to wait for: the sensor is silent. */
+    const bool alive = rig->newest_ns > stamp_ns - 10 * rig->period_ns - SAMPLES_WAIT_NS;
+    while (alive && !rig->ended && rig->newest_ns + rig->period_ns < stamp_ns)
+        if (pthread_cond_timedwait(&rig->pushed, &rig->lock, &until)) break;
+    pthread_mutex_unlock(&rig->lock);
+}
+
+void scan_rig_close(struct scan_rig *rig) {
+    if (rig->threaded) {
+        fathom_source_cancel(rig->imu);
+        pthread_join(rig->thread, NULL);
+    }
+    fathom_source_close(rig->depth);
+    fathom_source_close(rig->imu);
+    pthread_cond_destroy(&rig->pushed);
+    pthread_mutex_destroy(&rig->lock);
+    *rig = (struct scan_rig){0};
+}
