@@ -148,7 +148,7 @@ deps:
 
 # What is built after deps may need what deps has just installed, so it is a make of its own.
 demo: deps
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory $(PARALLEL) all
 	sh examples/demo.sh $(BUILD)
 
 # BENCH: further options of tests/bench/bench.py, e.g. --results, which writes docs/SPEED.md.
@@ -271,9 +271,11 @@ reproduce-tools: $(BUILD)/tests/reproduce/drift $(BUILD)/tests/reproduce/verdict
 .SECONDARY:
 tests: $(TESTS)
 
+# As many jobs as there are processors, unless make was given -j.
+PARALLEL = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(shell nproc))
 check: deps
-	@$(MAKE) --no-print-directory all tests reproduce-tools
-	@$(MAKE) --no-print-directory BUILD=$(BUILD)/sanitize SANITIZE=address,undefined OPTIMISE='-O1 -g' all tests
+	@$(MAKE) --no-print-directory $(PARALLEL) all tests reproduce-tools
+	@$(MAKE) --no-print-directory $(PARALLEL) BUILD=$(BUILD)/sanitize SANITIZE=address,undefined OPTIMISE='-O1 -g' all tests
 	sh tests/run.sh $(BUILD)
 
 -include $(shell find $(BUILD) -type f '(' -name '*.c.d' -o -name '*.cpp.d' -o -name kernels.d ')' 2>/dev/null)
