@@ -39,7 +39,7 @@ fathom_config fathom_config_default(void) {
     c.max_innovation_sigmas = 6;
     c.min_agreement = 0.75f;
     c.max_see_through = 0.015f;
-    c.evident_pairs = 0.7f;
+    c.evident_pairs = 0.6f;
     c.evident_sigmas = 1.5f;
     c.agreement_m = 0.02f;
     c.max_sigma_m = 0.02f;

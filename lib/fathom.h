@@ -215,7 +215,7 @@ typedef struct {
     float max_see_through;         /* the part of them that sees further, through the surface. Default 0.015 */
     float evident_pairs;           /* an alignment from a usable seed is evident, and what the surface should look like isn't
                                       ray-cast to be compared, when this part of the frame's valid pixels found pairs, and
-                                      result and seed agree within evident_sigmas. Default 0.7; above 1: never */
+                                      result and seed agree within evident_sigmas. Default 0.6; above 1: never */
     float evident_sigmas;          /* Default 1.5 */
     float agreement_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
     float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says

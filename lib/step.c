@@ -97,11 +97,23 @@ static void align_scan(fathom *f, const pose *seed, const double predicted[36], 
         f->cast_coarsest = c->against == FATHOM_AGAINST_MODEL ? coarsest : FATHOM_LEVELS;
         f->cast_pairs = icp->pairs;
     }
-    if (icp->pairs < 0.9 * f->cast_pairs || icp->condition > 0.5 * c->max_condition) f->cast_coarsest = FATHOM_LEVELS;
+    if (icp->pairs < 0.9 * f->cast_pairs || icp->condition > 0.5 * c->max_condition)
+        f->cast_coarsest = FATHOM_LEVELS;
     icp->motion = pose_multiply(&f->reference, &icp->motion);
     pose_normalise(&icp->motion);
     r->ms_raycast = (float)(cast - start);
     r->ms_align = (float)(now_ms() - cast);
+}
+
+/* Maps cast from a seed that was far off show another part of the surface: a second round from where the first has led. */
+static void align_again(fathom *f, const double predicted[36], alignment *icp, fathom_result *r) {
+    alignment again;
+    float ms_raycast = r->ms_raycast, ms_align = r->ms_align;
+    align_scan(f, &icp->motion, predicted, &again, r);
+    r->ms_raycast += ms_raycast;
+    r->ms_align += ms_align;
+    again.iterations += icp->iterations;
+    *icp = again;
 }
 
 void fuse(fathom *f, const pose *at, fathom_result *r) {
@@ -169,6 +181,7 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
     double twist[6];
     r->seeded = seeded;
     align_scan(f, seed, predicted, icp, r);
+    if (!seeded && icp->pairs > 0 && !maps_hold(f, &icp->motion, FINEST)) align_again(f, predicted, icp, r);
     report_alignment(icp, r);
     pose correction = pose_between(seed, &icp->motion);
     pose_log(&correction, twist);
