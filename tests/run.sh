@@ -35,7 +35,6 @@ once() {
     "$@" && return
     status=$?
     grep -q "LeakSanitizer has encountered a fatal error" "$log/$name.err" || return $status
-    : >"$log/$name.tap"
     "$@"
 }
 
