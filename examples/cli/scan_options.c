@@ -26,7 +26,7 @@ static void help(void) {
         "    --progress                 show the state even when stderr is no terminal\n"
         "    --verbose                  say more on stderr\n\n"
         "The last line on stdout: frames= tracked= reckoned= lost= ms_median= ms_p95= latency_ms_median=\n"
-        "latency_ms_p95= frames_dropped= frames_missing= samples= samples_dropped= imu= blocks= arena_mb=\n"
+        "latency_ms_p95= frames_dropped= frames_missing= samples= samples_dropped= blocks= arena_mb=\n"
         "latency is from a frame's arrival to its step.\n"
         "Exit status: 0 done, 1 failed, 2 wrong usage or settings, 130 stopped by Ctrl-C, files whole.\n",
         settings_help);
