@@ -16,6 +16,7 @@ struct live_options {
     double duration;   /* seconds; 0: no end */
     long frames;       /* 0: no end */
     bool reconnect, json, progress, verbose;
+    int frame_capacity, imu_capacity; /* kept between reads, as in fathom_source_options */
 };
 
 void live_options_start(struct live_options *live);

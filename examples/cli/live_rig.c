@@ -8,6 +8,7 @@
 
 #define SLICE_MS 100            /* between two looks whether to end */
 #define SAMPLES_WAIT_NS 5000000 /* a frame waits so long for the samples up to its stamp */
+#define SETTLE_NS 100000000     /* and at the end for one beyond it */
 
 /* ---- opening ---- */
 
@@ -41,6 +42,8 @@ static int open_source(fathom_source **source, const char *uri, unsigned kind,
                                        .height = kind == FATHOM_SOURCE_DEPTH ? options->height : 0,
                                        .rate_hz = kind == FATHOM_SOURCE_DEPTH ? options->rate : 0,
                                        .speed = options->speed,
+                                       .frame_capacity = options->frame_capacity,
+                                       .imu_capacity = options->imu_capacity,
                                        .log = log_message,
                                        .log_user = log};
     log_clear(log);
@@ -207,11 +210,34 @@ void live_rig_push_until(struct live_rig *rig, int64_t stamp_ns) {
     pthread_mutex_unlock(&rig->lock);
 }
 
-void live_rig_close(struct live_rig *rig) {
+void live_rig_settle(struct live_rig *rig, int64_t stamp_ns) {
+    if (!rig->threaded) {
+        live_rig_push_until(rig, stamp_ns);
+        return;
+    }
+    const struct timespec until = monotonic_timespec(monotonic_now_ns() + SETTLE_NS);
+    pthread_mutex_lock(&rig->lock);
+    while (!rig->ended && rig->newest_ns <= stamp_ns)
+        if (pthread_cond_timedwait(&rig->pushed, &rig->lock, &until)) break;
+    pthread_mutex_unlock(&rig->lock);
+}
+
+int live_rig_end(int waited, const struct cli_log *log) {
+    if (!waited || waited == FATHOM_ERROR_TIMEOUT || waited == FATHOM_ERROR_ENDED) return CLI_DONE;
+    if (waited == FATHOM_ERROR_UNPLUGGED) return cli_error(CLI_FAILED, "the depth camera was unplugged");
+    return cli_error(CLI_FAILED, "%s", reason(log, waited));
+}
+
+void live_rig_stop(struct live_rig *rig) {
     if (rig->threaded) {
         fathom_source_cancel(rig->imu);
         pthread_join(rig->thread, NULL);
     }
+    rig->threaded = false;
+}
+
+void live_rig_close(struct live_rig *rig) {
+    live_rig_stop(rig);
     fathom_source_close(rig->depth);
     fathom_source_close(rig->imu);
     pthread_cond_destroy(&rig->pushed);

@@ -49,6 +49,15 @@ int live_rig_start(struct live_rig *rig, int64_t clock_offset_ns, live_rig_take 
 /* Waits until the samples around a frame's stamp have been taken, a few milliseconds at most unless unpaced. */
 void live_rig_push_until(struct live_rig *rig, int64_t stamp_ns);
 
+/* Waits until a sample beyond the last frame's stamp has been taken, 0.1 s at most. */
+void live_rig_settle(struct live_rig *rig, int64_t stamp_ns);
+
+/* The last samples are handed on; from now on take isn't called any more. */
+void live_rig_stop(struct live_rig *rig);
+
+/* What the depth source's last wait means for the command: a CLI_ status, after saying what was wrong. */
+int live_rig_end(int waited, const struct cli_log *log);
+
 /* Stops and closes what is open. Nothing need be. */
 void live_rig_close(struct live_rig *rig);
 

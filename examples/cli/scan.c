@@ -127,10 +127,7 @@ static int take_frames(struct scan *scan) {
                fathom_source_read_depth(scan->rig.depth, &frame) == FATHOM_OK)
             status = take_frame(scan, &frame);
     }
-    if (status || !waited || waited == FATHOM_ERROR_TIMEOUT || waited == FATHOM_ERROR_ENDED) return status;
-    if (waited == FATHOM_ERROR_UNPLUGGED) return cli_error(CLI_FAILED, "the depth camera was unplugged");
-    return cli_error(CLI_FAILED, "%s",
-                     *scan->rig_log.error ? scan->rig_log.error : fathom_source_error_name(waited));
+    return status ? status : live_rig_end(waited, &scan->rig_log);
 }
 
 /* ---- after the last frame ---- */
