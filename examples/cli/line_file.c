@@ -32,8 +32,12 @@ bool line_file_flush(struct line_file *file) {
      * which readers leave out. */
     if (file->error && done > 0 && ftruncate(file->fd, (off_t)file->bytes)) {
     }
-    if (!file->error) file->bytes += (int64_t)file->used;
+    if (!file->error) {
+        file->bytes += (int64_t)file->used;
+        file->lines += file->waiting;
+    }
     file->used = 0;
+    file->waiting = 0;
     file->flushed_ns = monotonic_now_ns();
     return !file->error;
 }
@@ -49,6 +53,7 @@ bool line_file_add(struct line_file *file, const char *format, ...) {
     if (file->error) return false;
     memcpy(file->buffer + file->used, line, (size_t)length);
     file->used += (size_t)length;
+    file->waiting++;
     return monotonic_now_ns() - file->flushed_ns < FLUSH_NS || line_file_flush(file);
 }
 

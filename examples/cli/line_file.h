@@ -13,6 +13,8 @@ struct line_file {
     bool is_open;
     int fd;
     int64_t bytes;      /* written so far */
+    int64_t lines;      /* the same */
+    int64_t waiting;    /* lines in the buffer */
     int64_t flushed_ns; /* CLOCK_MONOTONIC */
     int error;          /* the errno that ended it; 0: none */
     size_t used;        /* of the buffer: lines not yet written */

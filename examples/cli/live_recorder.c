@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 
 #define PATH_ROOM 4096
+#define HEADER_LINES 2
 
 static bool fail(struct live_recorder *r, const char *what) {
     if (!*r->error) snprintf(r->error, sizeof r->error, "%s", what);
@@ -35,8 +36,8 @@ static bool open_lines(struct live_recorder *r, struct line_file *file, const ch
     char path[PATH_ROOM];
     if (snprintf(path, sizeof path, "%s/%s", r->folder.folder, name) >= PATH_ROOM)
         return fail(r, "the folder's path is too long");
-    if (!line_file_open(file, path) || !line_file_add(file, "# %s\n# %s\n", header, columns) ||
-        !line_file_flush(file))
+    if (!line_file_open(file, path) || !line_file_add(file, "# %s\n", header) ||
+        !line_file_add(file, "# %s\n", columns) || !line_file_flush(file))
         return fail_file(r, file, name);
     return true;
 }
@@ -81,6 +82,12 @@ bool live_recorder_frame(struct live_recorder *r, const fathom_depth_frame *fram
     return true;
 }
 
+/* Those that are on the disk. */
+static void count_samples(struct live_recorder *r) {
+    r->samples = r->imu.lines > HEADER_LINES ? r->imu.lines - HEADER_LINES : 0;
+    r->imu_bytes = r->imu.bytes;
+}
+
 static bool is_complete(const fathom_imu_sample *s) {
     for (int i = 0; i < 3; i++)
         if (!isfinite(s->gyro[i]) || !isfinite(s->accel[i])) return false;
@@ -97,14 +104,12 @@ void live_recorder_take(void *user, const fathom_imu_sample *samples, int count)
             r->incomplete = true;
         }
         /* Nine digits give a float back as it was. */
-        if (line_file_add(&r->imu, "%s %.9g %.9g %.9g %.9g %.9g %.9g\n",
-                          stamp_text(stamp, s->timestamp_ns, 1), (double)s->gyro[0], (double)s->gyro[1],
-                          (double)s->gyro[2], (double)s->accel[0], (double)s->accel[1], (double)s->accel[2]))
-            r->samples++;
-        else
+        if (!line_file_add(&r->imu, "%s %.9g %.9g %.9g %.9g %.9g %.9g\n",
+                           stamp_text(stamp, s->timestamp_ns, 1), (double)s->gyro[0], (double)s->gyro[1],
+                           (double)s->gyro[2], (double)s->accel[0], (double)s->accel[1], (double)s->accel[2]))
             r->imu_failed = true;
     }
-    r->imu_bytes = r->imu.bytes;
+    count_samples(r);
 }
 
 long long live_recorder_bytes(const struct live_recorder *r) {
@@ -114,6 +119,6 @@ long long live_recorder_bytes(const struct live_recorder *r) {
 bool live_recorder_close(struct live_recorder *r) {
     if (!line_file_close(&r->depth)) fail_file(r, &r->depth, "depth.txt");
     if (!line_file_close(&r->imu)) fail_file(r, &r->imu, "imu.txt");
-    r->imu_bytes = r->imu.bytes;
+    count_samples(r);
     return !*r->error;
 }

@@ -15,7 +15,7 @@ struct live_recorder {
     int64_t frames;              /* on the disk */
     int64_t first_ns, last_ns;   /* stamps of the frames */
     int64_t frame_bytes;
-    atomic_llong samples, imu_bytes; /* on the disk, or half a second from it */
+    atomic_llong samples, imu_bytes; /* on the disk */
     atomic_bool imu_failed;          /* imu.txt couldn't be written */
     bool incomplete;                 /* said that samples lack something */
     char error[1200];                /* one line, after a call that failed */
