@@ -113,6 +113,14 @@ record short --depth rig --duration 0.5
 [ $status -eq 0 ] && [ "$(figure frames)" -ge 5 ] && [ "$(figure frames)" -le 17 ] && whole short
 check "--duration ends it"
 
+# Far more frames than 30 at once: the oldest that wait are dropped.
+cp -r rig many && awk '!/^#/ { file[n++] = $2 } END { for (i = 0; i < 600; i++) printf "%.6f %s\n", i / 30, file[i % n] }' rig/depth.txt >many/depth.txt
+record slow --depth many --imu none --speed 1000
+[ $status -eq 0 ] && [ "$(figure frames)" -ge 30 ] && [ "$(frames_in slow)" -eq "$(figure frames)" ] &&
+    [ $(($(figure frames) + $(figure frames_dropped))) -eq 600 ] &&
+    { [ "$(figure frames_dropped)" -eq 0 ] || grep -q 'warning: slow: writing is too slow' err; }
+check "faster than it can be written: dropped frames are counted, and said"
+
 record deaf --depth rig --imu none --speed 0
 [ $status -eq 0 ] && [ "$(figure samples)" -eq 0 ] && [ ! -e deaf/imu.txt ] && [ "$(frames_in deaf)" -eq 40 ]
 check "--imu none: no imu.txt"

@@ -183,12 +183,13 @@ int live_rig_start(struct live_rig *rig, int64_t clock_offset_ns, live_rig_take 
 
 /* Samples up to one beyond the stamp, as a replay pushes them. */
 static void pull_until(struct live_rig *rig, int64_t stamp_ns) {
-    while (!rig->ended && rig->newest_ns <= stamp_ns && !cli_interrupted()) {
+    while (!rig->ended && rig->newest_ns <= stamp_ns) {
         if (rig->kept_next < rig->kept_count) {
             push(rig, &rig->kept[rig->kept_next++], 1);
             continue;
         }
         const int result = fathom_source_wait(rig->imu, SLICE_MS);
+        if (result == FATHOM_ERROR_TIMEOUT && cli_interrupted()) break;
         if (result && result != FATHOM_ERROR_TIMEOUT) end_samples(rig, result);
         rig->kept_next = 0;
         rig->kept_count = result ? 0 : fathom_source_read_imu(rig->imu, rig->kept, 64);

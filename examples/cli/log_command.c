@@ -28,7 +28,7 @@ struct logging {
     struct rig_watch watch;
     struct live_recorder recorder;
     fathom_config config; /* size, intrinsics, depth scale, mounting */
-    int64_t end_ns;       /* CLOCK_MONOTONIC: what arrives later isn't recorded */
+    int64_t end_ns;       /* CLOCK_MONOTONIC */
     int64_t line_ns;      /* when the last line of JSON was printed */
     bool drops_said;
 };
@@ -146,14 +146,17 @@ static void draw_line(const struct logging *logging) {
     cli_progress((long)r->frames, line);
 }
 
+static void say_drops(struct logging *logging) {
+    const int64_t drops = logging->watch.depth.frames_dropped + logging->watch.imu.samples_dropped;
+    if (drops > 0 && !logging->drops_said)
+        cli_warning("%s: writing is too slow: frames or samples are dropped, and counted", logging->folder);
+    logging->drops_said = drops > 0;
+}
+
 static void report(struct logging *logging) {
     const int64_t now_ns = monotonic_now_ns();
     rig_watch_glance(&logging->watch, &logging->rig);
-    if (!logging->drops_said &&
-        logging->watch.depth.frames_dropped + logging->watch.imu.samples_dropped > 0) {
-        cli_warning("%s: writing is too slow: frames or samples are dropped, and counted", logging->folder);
-        logging->drops_said = true;
-    }
+    say_drops(logging);
     draw_line(logging);
     if (!logging->live.json || now_ns - logging->line_ns < LINE_NS) return;
     logging->line_ns = now_ns;
@@ -164,6 +167,7 @@ static void report_end(struct logging *logging) {
     const struct live_recorder *r = &logging->recorder;
     cli_progress_end();
     rig_watch_look(&logging->watch, &logging->rig);
+    say_drops(logging);
     const fathom_source_status *depth = &logging->watch.depth, *imu = &logging->watch.imu;
     if (missing(depth)) cli_warning("%" PRId64 " frames never came or made no sense", missing(depth));
     if (missing(imu)) cli_warning("%" PRId64 " samples never came or made no sense", missing(imu));
@@ -178,45 +182,39 @@ static void report_end(struct logging *logging) {
 
 /* ---- frames ---- */
 
-/* Ctrl-C ends what arrives, as --duration does; what arrived before is still written. */
-static void notice_interrupt(struct logging *logging) {
-    const int64_t now_ns = monotonic_now_ns();
-    if (cli_interrupted() && logging->end_ns > now_ns) logging->end_ns = now_ns;
+static bool is_over(const struct logging *logging) {
+    return cli_interrupted() || monotonic_now_ns() >= logging->end_ns;
 }
 
-static bool has_enough(const struct logging *logging) {
+/* False when there are enough, or no more can be written. */
+static bool take_frame(struct logging *logging, const fathom_source_frame *frame) {
     const long frames = logging->live.frames;
-    return logging->recorder.imu_failed || (frames && logging->recorder.frames >= frames);
-}
-
-/* What waits, up to the end. False when it can't be written. */
-static bool take_waiting(struct logging *logging) {
-    fathom_source_frame frame;
-    while (fathom_source_read_depth(logging->rig.depth, &frame) == FATHOM_OK) {
-        notice_interrupt(logging);
-        if (has_enough(logging) || frame.arrival_ns > logging->end_ns) return true;
-        if (!live_recorder_frame(&logging->recorder, &frame.depth, logging->config.depth_width,
-                                 logging->config.depth_height))
-            return false;
-        if (logging->rig.unpaced) live_rig_push_until(&logging->rig, frame.depth.timestamp_ns);
-        report(logging);
-    }
-    return true;
+    if (!live_recorder_frame(&logging->recorder, &frame->depth, logging->config.depth_width,
+                             logging->config.depth_height))
+        return false;
+    if (logging->rig.unpaced) live_rig_push_until(&logging->rig, frame->depth.timestamp_ns);
+    report(logging);
+    return !logging->recorder.imu_failed && !(frames && logging->recorder.frames >= frames);
 }
 
 static int take_frames(struct logging *logging) {
     const double duration = logging->live.duration;
+    fathom_source *depth = logging->rig.depth;
+    fathom_source_frame frame;
     int waited = FATHOM_OK;
-    bool written = true;
+    bool more = true;
     logging->end_ns = duration > 0 ? monotonic_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
-    while (written && !has_enough(logging) && monotonic_now_ns() < logging->end_ns) {
-        waited = fathom_source_wait(logging->rig.depth, SLICE_MS);
+    while (more && !is_over(logging)) {
+        waited = fathom_source_wait(depth, SLICE_MS);
         if (waited && waited != FATHOM_ERROR_TIMEOUT) break;
         report(logging);
-        written = take_waiting(logging);
-        notice_interrupt(logging);
+        while (more && !is_over(logging) && fathom_source_read_depth(depth, &frame) == FATHOM_OK)
+            more = take_frame(logging, &frame);
+        if (logging->recorder.imu_failed) more = false;
     }
-    if (written) take_waiting(logging);
+    /* What has arrived until now is still written. */
+    fathom_source_stop(depth);
+    while (more && fathom_source_read_depth(depth, &frame) == FATHOM_OK) more = take_frame(logging, &frame);
     if (logging->recorder.frames) live_rig_settle(&logging->rig, logging->recorder.last_ns);
     return live_rig_end(waited, &logging->log);
 }
