@@ -66,13 +66,14 @@ bool live_recorder_open(struct live_recorder *r, const char *folder, bool force,
 
 /* ---- frames and samples ---- */
 
-bool live_recorder_frame(struct live_recorder *r, const fathom_depth_frame *frame, int width, int height) {
+bool live_recorder_frame(struct live_recorder *r, const fathom_depth_frame *frame) {
     char stamp[32], name[48], path[PATH_ROOM], why[1024];
     struct stat is;
     snprintf(name, sizeof name, "depth/%s.png", stamp_text(stamp, frame->timestamp_ns, 6));
     if (snprintf(path, sizeof path, "%s/%s", r->folder.folder, name) >= PATH_ROOM)
         return fail(r, "the folder's path is too long");
-    if (image_write_gray16(path, frame->depth, width, height, why, sizeof why)) return fail(r, why);
+    if (image_write_gray16(path, frame->depth, frame->width, frame->height, why, sizeof why))
+        return fail(r, why);
     if (!line_file_add(&r->depth, "%s %s\n", stamp_text(stamp, frame->timestamp_ns, 1), name) ||
         !line_file_flush(&r->depth))
         return fail_file(r, &r->depth, "depth.txt");

@@ -28,8 +28,7 @@ bool live_recorder_open(struct live_recorder *recorder, const char *folder, bool
                         const fathom_config *config, const char *mounting, const char *header);
 
 /* On one thread. False after an error. */
-bool live_recorder_frame(struct live_recorder *recorder, const fathom_depth_frame *frame, int width,
-                         int height);
+bool live_recorder_frame(struct live_recorder *recorder, const fathom_depth_frame *frame);
 
 /* A live_rig_take; user is the recorder. May be on another thread than the frames. */
 void live_recorder_take(void *user, const fathom_imu_sample *samples, int count);

@@ -189,9 +189,7 @@ static bool is_over(const struct logging *logging) {
 /* False when there are enough, or no more can be written. */
 static bool take_frame(struct logging *logging, const fathom_source_frame *frame) {
     const long frames = logging->live.frames;
-    if (!live_recorder_frame(&logging->recorder, &frame->depth, logging->config.depth_width,
-                             logging->config.depth_height))
-        return false;
+    if (!live_recorder_frame(&logging->recorder, &frame->depth)) return false;
     if (logging->rig.unpaced) live_rig_push_until(&logging->rig, frame->depth.timestamp_ns);
     report(logging);
     return !logging->recorder.imu_failed && !(frames && logging->recorder.frames >= frames);
