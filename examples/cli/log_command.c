@@ -99,7 +99,7 @@ static void describe(const char *what, fathom_source *source, char *text, size_t
 
 static int open_folder(struct logging *logging) {
     const struct live_options *live = &logging->live;
-    char header[512], depth[256], imu[256] = "";
+    char header[640], depth[256], imu[256] = "";
     if (is_read_from(logging, live->depth) || is_read_from(logging, live->imu) ||
         is_read_from(logging, live->rig))
         return cli_error(CLI_USAGE, "%s: can't be read from and recorded into", logging->folder);
