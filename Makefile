@@ -129,6 +129,7 @@ help:
 	@echo "make check      all tests; ends with 'N passed, N failed'"
 	@echo "make fuzz       the parsers of device data under libFuzzer, ten minutes each (FUZZ_SECONDS=)"
 	@echo "make check-vm   the drivers against the kernel's HID and USB in a virtual machine"
+	@echo "make soak       a minute each of scanning and recording at full rate, by hand only (SOAK_SECONDS=)"
 	@echo "make bench      speed beside other systems and the machine's limit (BENCH=--results: into docs/SPEED.md)"
 	@echo "make bench-scale  time and memory as the work grows: depth, voxels, way, threads; into docs/SCALE.md"
 	@echo "make instructions  count the stages' instructions into tests/bench/instructions.txt, which make check holds"
@@ -209,6 +210,13 @@ check-vm:
 	@$(MAKE) --no-print-directory deps DEBIAN_PACKAGES='$(DEBIAN_PACKAGES) $(VM_PACKAGES)'
 	@$(MAKE) --no-print-directory all $(BUILD)/tests/vm/vm_drivers
 	sh tests/vm/check.sh $(BUILD)
+
+# Runs of minutes, that want a machine of their own; nothing of make check.
+.PHONY: soak
+SOAK_SECONDS ?= 60
+soak: deps
+	@$(MAKE) --no-print-directory all $(if $(filter 1,$(WITH_OPENNI2)),$(VIRTUAL_DEPTH))
+	sh tests/soak.sh $(BUILD) $(SOAK_SECONDS)
 
 # ---- tests ----------------------------------------------------------------------------------------------------------
 # tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.

@@ -144,27 +144,3 @@ double clock_map_offset_s(const clock_map *map) {
 double clock_map_drift_ppm(const clock_map *map) {
     return -1e6 * map->slope;
 }
-
-/* ---- counters that wrap ---- */
-
-#define UNSEEN_WRAP 0.75 /* of a wrap beyond what the counter shows must have passed for one to be counted */
-
-int64_t clock_counter_ns(clock_counter *counter, uint64_t value, int bits, double tick_s,
-                         int64_t arrival_ns) {
-    const uint64_t mask = bits < 64 ? (UINT64_C(1) << bits) - 1 : UINT64_MAX;
-    if (counter->started) {
-        uint64_t passed = (value - counter->last) & mask;
-        if (bits < 64) {
-            const double wrap_s = tick_s * ((double)mask + 1);
-            const double missing_s =
-                1e-9 * (double)(arrival_ns - counter->arrival_ns) - tick_s * (double)passed;
-            const double wraps = floor(missing_s / wrap_s + 1 - UNSEEN_WRAP);
-            if (wraps > 0 && wraps < 1e9) passed += (uint64_t)wraps * (mask + 1);
-        }
-        counter->ticks += passed;
-    }
-    counter->started = true;
-    counter->last = value;
-    counter->arrival_ns = arrival_ns;
-    return (int64_t)llrint((double)counter->ticks * tick_s * 1e9);
-}

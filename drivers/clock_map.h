@@ -51,16 +51,4 @@ double clock_map_offset_s(const clock_map *map);
 /* How much the device's clock runs fast, parts a million of the host's. */
 double clock_map_drift_ppm(const clock_map *map);
 
-/* A counter of `bits` bits that wraps, unwrapped into nanoseconds. */
-typedef struct {
-    bool started;
-    uint64_t last;      /* as the device gave it */
-    uint64_t ticks;     /* since the first */
-    int64_t arrival_ns; /* of the last */
-} clock_counter;
-
-/* tick_s: seconds a tick. Where the arrivals show that it wrapped unseen, those wraps are counted too. A
- * counter that was reset looks like a leap forward; clock_map sees it as one. */
-int64_t clock_counter_ns(clock_counter *counter, uint64_t value, int bits, double tick_s, int64_t arrival_ns);
-
 #endif

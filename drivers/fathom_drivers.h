@@ -257,7 +257,8 @@ typedef struct {
 /* The oldest frame that wasn't read yet; FATHOM_ERROR_TIMEOUT when there is none. Never waits. */
 FATHOM_API int fathom_source_read_depth(fathom_source *source, fathom_source_frame *frame);
 
-/* Up to capacity samples, oldest first; returns their number, 0 when there is none. Never waits. */
+/* Up to capacity samples, oldest first; returns their number, 0 when there is none. Never waits. gyro is NaN for a sensor
+ * without a gyroscope (Kinect for Xbox 360). */
 FATHOM_API int fathom_source_read_imu(fathom_source *source, fathom_imu_sample *samples, int capacity);
 
 /* What a source is and how it fares. */

@@ -205,7 +205,8 @@ static int folder_open(fathom_source **source, const char *address, const fathom
     int result = fathom_recording_open(&s->recording, address, &how);
     if (!result) result = find_kinds(s, address);
     if (!result)
-        result = source_queue_make(&s->queue, options->imu_capacity, options->frame_capacity,
+        result = source_queue_make(&s->queue, s->kinds & FATHOM_SOURCE_IMU ? options->imu_capacity : 0,
+                                   s->kinds & FATHOM_SOURCE_DEPTH ? options->frame_capacity : 0,
                                    s->recording->width, s->recording->height, false);
     if (result) {
         fathom_recording_close(s->recording);

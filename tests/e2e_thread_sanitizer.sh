@@ -18,7 +18,7 @@ outcome() {
     fi
 }
 
-tests=10
+tests=11
 echo "1..$tests"
 printf 'int main(void) { return 0; }\n' >"$tsan/probe.c"
 if ! ${CC:-cc} -fsanitize=thread -o "$tsan/probe" "$tsan/probe.c" 2>"$tsan/probe.log" || ! "$tsan/probe" 2>>"$tsan/probe.log"; then
@@ -64,3 +64,6 @@ fi
 outcome "a rig to scan" $? "$tsan/run.log"
 race "$tsan/fathom" scan --depth "$tsan/rig" --speed 0.5 --progress --json
 outcome "a scan has no race" $? "$tsan/run.log"
+rm -rf "$tsan/copy"
+race "$tsan/fathom" log "$tsan/copy" --depth "$tsan/rig" --speed 0.5 --progress --json
+outcome "a recording has no race" $? "$tsan/run.log"

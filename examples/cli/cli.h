@@ -20,6 +20,7 @@ int command_info(int argc, char **argv);
 int command_kernels(int argc, char **argv);
 int command_selftest(int argc, char **argv);
 int command_scan(int argc, char **argv);
+int command_log(int argc, char **argv);
 int command_devices(int argc, char **argv);
 
 /* Prints "fathom: " and the text as one line on stderr. Returns status, so that `return cli_error(CLI_FAILED, ...)` reads well. */

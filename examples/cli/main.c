@@ -14,6 +14,7 @@ static const struct command {
 } commands[] = {
     {"replay", command_replay, "track and reconstruct a recording"},
     {"scan", command_scan, "track and reconstruct what a live rig sees"},
+    {"log", command_log, "record what a live rig gives, for a replay"},
     {"devices", command_devices, "depth cameras and inertial sensors, and what they lack"},
     {"simulate", command_simulate, "render a scene into a recording, with its ground truth"},
     {"calibrate", command_calibrate, "how the IMU sits on the camera, from a recording"},

@@ -61,18 +61,24 @@ static bool was_simulated(const char *folder) {
     return read && !strncmp(line, "# fathom simulate", 17);
 }
 
-/* Removes the frames of a former recording: NNN.NNNNNN.png and halves of them. Nothing else. */
+/* Frames of a former recording are named by their stamps, NNN.NNNNNN.png or, by log, with nine decimals and perhaps a
+ * sign. Halves of them count as well. */
+static bool is_frame(const char *name) {
+    if (*name == '-') name++;
+    const size_t digits = strspn(name, "0123456789");
+    if (digits < 3 || name[digits] != '.') return false;
+    const size_t decimals = strspn(name + digits + 1, "0123456789");
+    const char *end = name + digits + 1 + decimals;
+    return (decimals == 6 || decimals == 9) && (!strcmp(end, ".png") || !strcmp(end, ".png.part"));
+}
+
+/* Removes those, and nothing else. */
 static void clear_frames(const char *folder) {
     char path[PATH_ROOM];
     DIR *directory = opendir(folder);
     if (!directory) return;
     for (struct dirent *entry; (entry = readdir(directory));) {
-        const char *name = entry->d_name;
-        const size_t digits = strspn(name, "0123456789");
-        if (digits < 3 || name[digits] != '.' || strspn(name + digits + 1, "0123456789") != 6) continue;
-        const char *end = name + digits + 7;
-        if (strcmp(end, ".png") && strcmp(end, ".png.part")) continue;
-        if (path_in(path, folder, name)) unlink(path);
+        if (is_frame(entry->d_name) && path_in(path, folder, entry->d_name)) unlink(path);
     }
     closedir(directory);
 }
@@ -95,19 +101,24 @@ static int finish(struct recording_writer *w, FILE *file, const char *name) {
     return bad ? fail(w, name, why ? strerror(why) : "write error") : 0;
 }
 
-int recording_open(struct recording_writer *w, const char *folder, bool force, const char *header) {
-    static const char *const stale[] = {"imu.txt", "rig.txt", "calibration.txt", "groundtruth.txt"};
+int recording_prepare(struct recording_writer *w, const char *folder, bool force) {
+    static const char *const stale[] = {"depth.txt", "imu.txt", "rig.txt", "calibration.txt", "groundtruth.txt"};
     char path[PATH_ROOM];
     memset(w, 0, sizeof *w);
     w->folder = folder;
     if (make_folder(w, folder)) return -1;
-    if (!force && !is_empty(folder) && !was_simulated(folder))
-        return fail(w, NULL, "isn't empty and wasn't made by simulate; --force writes there all the same");
+    if (!force && !is_empty(folder))
+        return fail(w, NULL, "isn't empty; --force writes there all the same");
     for (size_t i = 0; i < sizeof stale / sizeof stale[0]; i++)
         if (path_in(path, folder, stale[i])) unlink(path);
     if (!path_in(path, folder, "depth")) return fail(w, NULL, strerror(ENAMETOOLONG));
     if (mkdir(path, 0777) && errno != EEXIST) return fail(w, "depth", strerror(errno));
     clear_frames(path);
+    return 0;
+}
+
+int recording_open(struct recording_writer *w, const char *folder, bool force, const char *header) {
+    if (recording_prepare(w, folder, force || was_simulated(folder))) return -1;
     w->depth = create(w, "depth.txt");
     if (!w->depth) return -1;
     w->truth = create(w, "groundtruth.txt");
@@ -117,10 +128,11 @@ int recording_open(struct recording_writer *w, const char *folder, bool force, c
     return 0;
 }
 
-int recording_calibration(struct recording_writer *w, const struct render_camera *camera) {
+int recording_calibration(struct recording_writer *w, const double *values, int count) {
     FILE *file = create(w, "calibration.txt");
     if (!file) return -1;
-    fprintf(file, "%.10g %.10g %.10g %.10g\n", camera->fx, camera->fy, camera->cx, camera->cy);
+    for (int i = 0; i < count; i++) fprintf(file, "%s%.10g", i ? " " : "", values[i]);
+    fputc('\n', file);
     return finish(w, file, "calibration.txt");
 }
 
@@ -179,17 +191,21 @@ static int copy_lines(struct recording_writer *w, const char *from, const char *
     return -1;
 }
 
-int recording_copy_imu(struct recording_writer *w, const char *from) {
-    char path[PATH_ROOM];
+int recording_rig(struct recording_writer *w, const char *from, double depth_scale) {
     FILE *file = create(w, "rig.txt");
     if (!file) return -1;
-    fprintf(file, "depth_scale %d\n", RECORDING_DEPTH_SCALE);
-    int result = copy_lines(w, from, "rig.txt", "depth_scale", file);
-    if (finish(w, file, "rig.txt") || result) return -1;
+    fprintf(file, "depth_scale %.10g\n", depth_scale);
+    const int result = from ? copy_lines(w, from, "rig.txt", "depth_scale", file) : 0;
+    return finish(w, file, "rig.txt") || result ? -1 : 0;
+}
+
+int recording_copy_imu(struct recording_writer *w, const char *from) {
+    char path[PATH_ROOM];
+    if (recording_rig(w, from, RECORDING_DEPTH_SCALE)) return -1;
     if (!path_in(path, from, "imu.txt") || access(path, F_OK)) return 0;
-    file = create(w, "imu.txt");
+    FILE *file = create(w, "imu.txt");
     if (!file) return -1;
-    result = copy_lines(w, from, "imu.txt", NULL, file);
+    const int result = copy_lines(w, from, "imu.txt", NULL, file);
     if (finish(w, file, "imu.txt")) return -1;
     return result;
 }

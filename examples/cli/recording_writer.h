@@ -14,13 +14,19 @@ struct recording_writer {
     char error[1024];    /* one line, after a call that failed */
 };
 
-/* Makes the folder (and those above it). One that holds a former simulation is cleared of it; any other that
- * isn't empty is refused unless `force`. The header stands at the top of each file written, as a comment.
- * These and all below: 0, or -1 with one line in writer->error. */
+/* Makes the folder (and those above it) and clears it of a former recording. One that isn't empty is refused unless
+ * `force`. These and all below: 0, or -1 with one line in writer->error. */
+int recording_prepare(struct recording_writer *writer, const char *folder, bool force);
+
+/* The same, and begins depth.txt and groundtruth.txt; a former simulation is cleared without `force`. The header stands
+ * at the top of each file written, as a comment. */
 int recording_open(struct recording_writer *writer, const char *folder, bool force, const char *header);
 
-/* calibration.txt */
-int recording_calibration(struct recording_writer *writer, const struct render_camera *camera);
+/* calibration.txt: fx fy cx cy [k1 k2 p1 p2 [k3]] */
+int recording_calibration(struct recording_writer *writer, const double *values, int count);
+
+/* rig.txt: the scale, and all other lines from another folder's; NULL, or one without it: none. */
+int recording_rig(struct recording_writer *writer, const char *from, double depth_scale);
 
 /* rig.txt of a simulated IMU, and its samples up to time `until` as imu.txt. */
 int recording_imu(struct recording_writer *writer, struct imu_model *model, const struct camera_path *path,

@@ -1,11 +1,11 @@
 /* fathom scan: live sources go through the library as they come. */
 #include "cli.h"
+#include "live_rig.h"
 #include "log.h"
 #include "monotonic.h"
 #include "ply.h"
 #include "scan_options.h"
 #include "scan_report.h"
-#include "scan_rig.h"
 #include "stats.h"
 #include "trajectory.h"
 
@@ -19,7 +19,7 @@ struct scan {
     struct scan_options options;
     struct cli_log log;     /* the library's, on this thread */
     struct cli_log rig_log; /* the sources', on theirs */
-    struct scan_rig rig;
+    struct live_rig rig;
     fathom_memory_plan plan;
     void *memory;
     fathom *context;
@@ -35,6 +35,17 @@ struct scan {
 
 static int status_of(int error) {
     return error == FATHOM_ERROR_CONFIG || error == FATHOM_ERROR_MEMORY ? CLI_USAGE : CLI_FAILED;
+}
+
+static void override_rig(struct settings *settings) {
+    fathom_config *config = &settings->config;
+    if (settings->depth_scale > 0) config->depth_units_per_metre = (float)settings->depth_scale;
+    if (settings->intrinsics[0] > 0) {
+        config->fx = (float)settings->intrinsics[0];
+        config->fy = (float)settings->intrinsics[1];
+        config->cx = (float)settings->intrinsics[2];
+        config->cy = (float)settings->intrinsics[3];
+    }
 }
 
 static int start_library(struct scan *scan) {
@@ -57,16 +68,20 @@ static int open_files(struct scan *scan) {
     if (options->mesh && !cli_can_write(options->mesh)) return CLI_FAILED;
     if (options->trajectory && !trajectory_open(&scan->trajectory, options->trajectory)) return CLI_FAILED;
     if (options->stats && !stats_open(&scan->stats, options->stats)) return CLI_FAILED;
-    if (!scan_report_start(&scan->report, options->json, options->progress))
+    if (!scan_report_start(&scan->report, options->live.json, options->live.progress))
         return cli_error(CLI_FAILED, "out of memory");
     return CLI_DONE;
+}
+
+static void push_samples(void *context, const fathom_imu_sample *samples, int count) {
+    for (int i = 0; i < count; i++) fathom_push_imu(context, &samples[i]);
 }
 
 /* ---- frames ---- */
 
 static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
     fathom_result result;
-    scan_rig_push_until(&scan->rig, frame->depth.timestamp_ns);
+    live_rig_push_until(&scan->rig, frame->depth.timestamp_ns);
     const double latency_ms = 1e-6 * (double)(monotonic_now_ns() - frame->arrival_ns);
     log_clear(&scan->log);
     const int stepped = fathom_step(scan->context, &frame->depth, &result);
@@ -91,19 +106,19 @@ static void keep_reckoning(struct scan *scan) {
 }
 
 static bool is_over(const struct scan *scan) {
-    const long frames = scan->options.frames;
+    const long frames = scan->options.live.frames;
     return cli_interrupted() || monotonic_now_ns() >= scan->end_ns ||
            (frames && scan->report.frames >= frames);
 }
 
 static int take_frames(struct scan *scan) {
     int status = CLI_DONE, waited = FATHOM_OK;
-    const double duration = scan->options.duration;
+    const double duration = scan->options.live.duration;
     scan->end_ns = duration > 0 ? monotonic_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
     while (!status && !is_over(scan)) {
         fathom_source_frame frame;
         waited = fathom_source_wait(scan->rig.depth, SLICE_MS);
-        scan_report_look(&scan->report, &scan->rig);
+        rig_watch_glance(&scan->report.watch, &scan->rig);
         if (waited == FATHOM_ERROR_TIMEOUT)
             keep_reckoning(scan);
         else if (waited)
@@ -112,10 +127,7 @@ static int take_frames(struct scan *scan) {
                fathom_source_read_depth(scan->rig.depth, &frame) == FATHOM_OK)
             status = take_frame(scan, &frame);
     }
-    if (status || !waited || waited == FATHOM_ERROR_TIMEOUT || waited == FATHOM_ERROR_ENDED) return status;
-    if (waited == FATHOM_ERROR_UNPLUGGED) return cli_error(CLI_FAILED, "the depth camera was unplugged");
-    return cli_error(CLI_FAILED, "%s",
-                     *scan->rig_log.error ? scan->rig_log.error : fathom_source_error_name(waited));
+    return status ? status : live_rig_end(waited, &scan->rig_log);
 }
 
 /* ---- after the last frame ---- */
@@ -133,7 +145,7 @@ static void finish(struct scan *scan) {
 static void clean_up(struct scan *scan) {
     if (scan->trajectory.file) fclose(scan->trajectory.file);
     if (scan->stats.file) fclose(scan->stats.file);
-    scan_rig_close(&scan->rig);
+    live_rig_close(&scan->rig);
     fathom_close(scan->context);
     free(scan->memory);
     scan_report_free(&scan->report);
@@ -143,18 +155,20 @@ int command_scan(int argc, char **argv) {
     static struct scan scan;
     int status = scan_options_read(&scan.options, argc, argv);
     if (status || scan.options.help) return status;
-    scan.log.verbose = scan.rig_log.verbose = scan.options.verbose;
+    scan.log.verbose = scan.rig_log.verbose = scan.options.live.verbose;
     scan.last_ns = INT64_MIN;
     cli_catch_interrupt();
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
 
-    status = scan_rig_open(&scan.rig, &scan.options, &scan.rig_log);
-    if (!status)
-        status = scan_rig_configure(&scan.rig, &scan.options, &scan.options.settings.config, &scan.rig_log);
+    fathom_config *config = &scan.options.settings.config;
+    status = live_rig_open(&scan.rig, &scan.options.live, &scan.rig_log);
+    if (!status) status = live_rig_configure(&scan.rig, &scan.options.live, config, &scan.rig_log);
+    if (!status) override_rig(&scan.options.settings);
     if (!status) status = open_files(&scan);
     if (!status) status = start_library(&scan);
     if (!status)
-        status = scan_rig_start(&scan.rig, &scan.options.settings.config, scan.context, &scan.rig_log);
+        status =
+            live_rig_start(&scan.rig, config->imu_clock_offset_ns, push_samples, scan.context, &scan.rig_log);
     if (!status) {
         status = take_frames(&scan);
         finish(&scan);

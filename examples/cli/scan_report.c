@@ -1,15 +1,12 @@
 #include "scan_report.h"
 #include "camera_path.h"
 #include "cli.h"
-#include "monotonic.h"
 #include "stats.h"
 
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-
-#define LOOK_NS 200000000
 
 bool scan_report_start(struct scan_report *report, bool json, bool progress) {
     *report = (struct scan_report){.json = json};
@@ -25,50 +22,23 @@ void scan_report_free(struct scan_report *report) {
     report->ms = report->latency_ms = NULL;
 }
 
-/* ---- the sources ---- */
-
-static void say_change(const char *what, const fathom_source_status *before,
-                       const fathom_source_status *now) {
-    if (before->state == now->state || before->state == FATHOM_SOURCE_STOPPED) return;
-    if (now->state == FATHOM_SOURCE_RUNNING)
-        cli_note("%s: running again", what);
-    else if (now->state != FATHOM_SOURCE_STOPPED && now->state != FATHOM_SOURCE_AT_END)
-        cli_warning("%s: %s", what, fathom_source_state_name(now->state));
-}
-
-static void look(struct scan_report *report, struct scan_rig *rig) {
-    const fathom_source_status depth = report->depth, imu = report->imu;
-    fathom_source_get_status(rig->depth, &report->depth);
-    if (rig->imu) fathom_source_get_status(rig->imu, &report->imu);
-    say_change("depth", &depth, &report->depth);
-    say_change("IMU", &imu, &report->imu);
-    if (imu.state != report->imu.state && report->imu.state == FATHOM_SOURCE_AT_END &&
-        report->depth.state != FATHOM_SOURCE_AT_END)
-        cli_warning("IMU: at its end before the depth: the scan goes on without");
-    report->looked_ns = monotonic_now_ns();
-}
-
-void scan_report_look(struct scan_report *report, struct scan_rig *rig) {
-    if (monotonic_now_ns() - report->looked_ns >= LOOK_NS) look(report, rig);
-}
-
 /* ---- frames ---- */
 
-static void draw_line(const struct scan_report *report, const struct scan_rig *rig,
+static void draw_line(const struct scan_report *report, const struct live_rig *rig,
                       const fathom_result *result) {
     char line[256], imu[64] = "no IMU";
     if (rig->imu)
-        snprintf(imu, sizeof imu, "IMU %s %.0f/s %s", fathom_source_state_name(report->imu.state),
-                 report->imu.rate_hz, fathom_imu_health_name(result->gyro_health));
+        snprintf(imu, sizeof imu, "IMU %s %.0f/s %s", fathom_source_state_name(report->watch.imu.state),
+                 report->watch.imu.rate_hz, fathom_imu_health_name(result->gyro_health));
     snprintf(line, sizeof line,
              "%s  x %.2f y %.2f z %.2f m  %.1f/s  %.0f ms  %" PRId64 " dropped  %d blocks  %s",
              fathom_state_name(result->state), (double)result->pose[3], (double)result->pose[7],
-             (double)result->pose[11], report->depth.rate_hz, (double)result->ms_total,
-             report->depth.frames_dropped + report->depth.lost, result->blocks, imu);
+             (double)result->pose[11], report->watch.depth.rate_hz, (double)result->ms_total,
+             report->watch.depth.frames_dropped + report->watch.depth.lost, result->blocks, imu);
     cli_progress((long)report->frames, line);
 }
 
-static void print_json(const struct scan_report *report, const struct scan_rig *rig,
+static void print_json(const struct scan_report *report, const struct live_rig *rig,
                        const fathom_result *result, double latency_ms) {
     double rotation[9], q[4];
     for (int i = 0; i < 9; i++) rotation[i] = (double)result->pose[4 * (i / 3) + i % 3];
@@ -81,13 +51,14 @@ static void print_json(const struct scan_report *report, const struct scan_rig *
            fathom_verdict_name(result->verdict), (double)result->pose[3], (double)result->pose[7],
            (double)result->pose[11], q[0], q[1], q[2], q[3], result->pairs, (double)result->rms_m,
            result->blocks, (double)result->ms_total, latency_ms,
-           fathom_source_state_name(report->depth.state), report->depth.rate_hz, report->depth.frames_dropped,
-           report->depth.lost, rig->imu ? fathom_source_state_name(report->imu.state) : "none",
+           fathom_source_state_name(report->watch.depth.state), report->watch.depth.rate_hz,
+           report->watch.depth.frames_dropped, report->watch.depth.lost,
+           rig->imu ? fathom_source_state_name(report->watch.imu.state) : "none",
            fathom_imu_health_name(result->gyro_health));
     fflush(stdout);
 }
 
-void scan_report_frame(struct scan_report *report, struct scan_rig *rig, const fathom_result *result,
+void scan_report_frame(struct scan_report *report, const struct live_rig *rig, const fathom_result *result,
                        double latency_ms) {
     report->ms[report->frames % SCAN_REPORT_FRAMES] = result->ms_total;
     report->latency_ms[report->frames % SCAN_REPORT_FRAMES] = (float)latency_ms;
@@ -114,11 +85,11 @@ static void print_figure(const struct figure *figure, bool json, bool first) {
         printf("%.*f", figure->decimals, figure->value);
 }
 
-void scan_report_end(struct scan_report *report, struct scan_rig *rig, const fathom_memory_plan *plan) {
+void scan_report_end(struct scan_report *report, const struct live_rig *rig, const fathom_memory_plan *plan) {
     cli_progress_end();
-    look(report, rig);
+    rig_watch_look(&report->watch, rig);
     const int kept = report->frames < SCAN_REPORT_FRAMES ? (int)report->frames : SCAN_REPORT_FRAMES;
-    const fathom_source_status *depth = &report->depth, *imu = &report->imu;
+    const fathom_source_status *depth = &report->watch.depth, *imu = &report->watch.imu;
     const int64_t *count = report->count;
     const struct figure figures[] = {
         {"frames", (double)report->frames, 0},

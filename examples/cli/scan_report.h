@@ -2,8 +2,7 @@
 #ifndef FATHOM_CLI_SCAN_REPORT_H
 #define FATHOM_CLI_SCAN_REPORT_H
 
-#include "fathom_drivers.h"
-#include "scan_rig.h"
+#include "rig_watch.h"
 
 #define SCAN_REPORT_FRAMES 65536 /* of the last so many are the quantiles */
 
@@ -12,23 +11,19 @@ struct scan_report {
     int64_t frames;
     int64_t count[4]; /* by fathom_state */
     int blocks;
-    float *ms, *latency_ms;          /* rings */
-    fathom_source_status depth, imu; /* as last seen */
-    int64_t looked_ns;               /* when */
+    float *ms, *latency_ms; /* rings */
+    struct rig_watch watch;
 };
 
 /* False without memory. */
 bool scan_report_start(struct scan_report *report, bool json, bool progress);
 void scan_report_free(struct scan_report *report);
 
-/* Looks at the sources, once in 0.2 s, and says what has changed. */
-void scan_report_look(struct scan_report *report, struct scan_rig *rig);
-
 /* A step was made; latency_ms: from the frame's arrival to it. */
-void scan_report_frame(struct scan_report *report, struct scan_rig *rig, const fathom_result *result,
+void scan_report_frame(struct scan_report *report, const struct live_rig *rig, const fathom_result *result,
                        double latency_ms);
 
 /* The last line on stdout. */
-void scan_report_end(struct scan_report *report, struct scan_rig *rig, const fathom_memory_plan *plan);
+void scan_report_end(struct scan_report *report, const struct live_rig *rig, const fathom_memory_plan *plan);
 
 #endif

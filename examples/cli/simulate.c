@@ -350,7 +350,9 @@ static int render_frames(struct run *run, const struct picture *picture, long *d
 static int write_rest(struct run *run) {
     const struct options *o = run->options;
     struct recording_writer *w = &run->writer;
-    if (recording_calibration(w, &run->camera)) return cli_error(CLI_FAILED, "%s", w->error);
+    const struct render_camera *c = &run->camera;
+    if (recording_calibration(w, (const double[]){c->fx, c->fy, c->cx, c->cy}, 4))
+        return cli_error(CLI_FAILED, "%s", w->error);
     if (o->motion) return recording_copy_imu(w, o->motion) ? cli_error(CLI_FAILED, "%s", w->error) : CLI_DONE;
     struct imu_model imu;
     imu_model_make(&imu, o->grade, &o->mounting, o->imu_rate, (uint64_t)o->seed);
