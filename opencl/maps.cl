@@ -51,6 +51,12 @@ inline float8 source_depths(global const ushort *raw, depth_source s, int x, int
  * Global size: groups of eight pixels a row, height of the map. */
 kernel void convert_depth(global const ushort *raw, depth_source s, camera c, float2 noise, global float *depth) {
     int x = get_global_id(0) * 8, y = get_global_id(1);
+    float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
+    if (s.factor == 1) { /* there is nothing to average */
+        float8 z = source_depths(raw, s, x, y, 0, 0);
+        vstore8(select((float8)(0.0f), z, lane < (float)(c.width - x)), 0, depth + AT(c, x, y));
+        return;
+    }
     float8 nearest = INFINITY;
     for (int j = 0; j < s.factor; j++)
         for (int i = 0; i < s.factor; i++) {
@@ -66,7 +72,6 @@ kernel void convert_depth(global const ushort *raw, depth_source s, camera c, fl
             sum += select((float8)(0.0f), z, keep);
             count += select((float8)(0.0f), (float8)(1.0f), keep);
         }
-    float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
     int8 good = count > 0.0f && lane < (float)(c.width - x); /* distortion can bring depth into the margin */
     vstore8(select((float8)(0.0f), sum / count, good), 0, depth + AT(c, x, y));
 }
