@@ -83,8 +83,9 @@ rm -rf copy
 virtual=$build_dir/tests/openni2/libVirtualDepth.so.0
 library=$(ldd "$fathom" | sed -n 's/.*libOpenNI2.so.0 => \([^ ]*\).*/\1/p')
 if [ -f "$virtual" ] && [ -n "$library" ]; then
+    "$fathom" simulate room small --frames 60 --size 320x240 >out 2>err # the virtual camera holds all of its frames in memory
     mkdir -p private/OpenNI2/Drivers && cp "$library" private/ && cp "$virtual" private/OpenNI2/Drivers/
-    export LD_LIBRARY_PATH="$work/private" VIRTUAL_DEPTH_FOLDER="$work/rig" VIRTUAL_DEPTH_CONTROL="$work/control" VIRTUAL_DEPTH_RATE=30
+    export LD_LIBRARY_PATH="$work/private" VIRTUAL_DEPTH_FOLDER="$work/small" VIRTUAL_DEPTH_CONTROL="$work/control" VIRTUAL_DEPTH_RATE=30
     rounds=$((seconds / 3))
     echo good >control
     (
