@@ -181,7 +181,8 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
     double twist[6];
     r->seeded = seeded;
     align_scan(f, seed, predicted, icp, r);
-    if (!seeded && icp->pairs > 0 && !maps_hold(f, &icp->motion, FINEST)) align_again(f, predicted, icp, r);
+    bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && icp->pairs > 0;
+    if (recast && !maps_hold(f, &icp->motion, FINEST)) align_again(f, predicted, icp, r);
     report_alignment(icp, r);
     pose correction = pose_between(seed, &icp->motion);
     pose_log(&correction, twist);
