@@ -9,7 +9,8 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     int width = c->align_width, height = c->align_height;
     if (width == 0 && height == 0) {
         int factor = 1;
-        while (c->depth_width / factor > c->align_most || c->depth_width % factor || c->depth_height % factor) {
+        while (c->depth_width / factor > c->align_most || c->depth_width % factor ||
+               c->depth_height % factor) {
             if (++factor > 64) {
                 device_log(c, FATHOM_LOG_ERROR,
                            "depth of %dx%d has no whole fraction up to %d wide: set align_width",
@@ -64,8 +65,6 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
     m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
     device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
-    device_buffer_make(d, a, (size_t)m->camera[FINEST].width * (size_t)m->camera[FINEST].height * 16,
-                       &m->packed);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
         device_buffer_make(d, a, (size_t)m->camera[i].plane * 4, &m->depth[i]);
         device_buffer_make(d, a, (size_t)m->camera[i].plane * 16, &m->normals[i]);
@@ -89,7 +88,6 @@ void depth_maps_close(depth_maps *m) {
         if (kernels[i]) clReleaseKernel(kernels[i]);
     device_buffer_free(&m->raw);
     device_buffer_free(&m->smooth);
-    device_buffer_free(&m->packed);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
         device_buffer_free(&m->depth[i]);
         device_buffer_free(&m->normals[i]);
@@ -106,22 +104,22 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
 
 void depth_maps_compute(depth_maps *m, device *d, int coarsest) {
     kernel_camera *c = &m->camera[FINEST];
-    RUN(d, m->convert, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->raw.memory), ARG(m->source),
-        ARG(*c), ARG(m->noise), ARG(m->depth[FINEST].memory));
+    RUN_ROWS(d, m->convert, (c->width + 7) / 8, c->height, ARG(m->raw.memory), ARG(m->source), ARG(*c),
+             ARG(m->noise), ARG(m->depth[FINEST].memory));
     cl_float reach = SMOOTHING_REACH;
-    RUN(d, m->smoothing, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(m->depth[FINEST].memory),
-        ARG(*c), ARG(m->noise), ARG(reach), ARG(m->smooth.memory));
+    RUN_ROWS(d, m->smoothing, c->width, c->height, ARG(m->depth[FINEST].memory), ARG(*c), ARG(m->noise),
+             ARG(reach), ARG(m->smooth.memory));
     for (int i = FINEST - 1; i >= coarsest; i--) {
         kernel_camera *f = &m->camera[i + 1];
         c = &m->camera[i];
-        RUN(d, m->halve, (size_t)c->width, (size_t)c->height, 0, ARG(m->depth[i + 1].memory), ARG(*f),
-            ARG(*c), ARG(m->noise), ARG(m->depth[i].memory));
+        RUN_ROWS(d, m->halve, c->width, c->height, ARG(m->depth[i + 1].memory), ARG(*f), ARG(*c),
+                 ARG(m->noise), ARG(m->depth[i].memory));
     }
     for (int i = FINEST; i >= coarsest; i--) {
         c = &m->camera[i];
         device_buffer *from = i == FINEST ? &m->smooth : &m->depth[i];
-        RUN(d, m->normal, (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(from->memory), ARG(*c),
-            ARG(m->noise), ARG(m->normals[i].memory));
+        RUN_ROWS(d, m->normal, c->width, c->height, ARG(from->memory), ARG(*c), ARG(m->noise),
+                 ARG(m->normals[i].memory));
     }
 }
 

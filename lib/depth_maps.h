@@ -15,7 +15,6 @@ typedef struct {
     device_buffer depth[FATHOM_LEVELS]; /* metric: what is aligned and fused */
     device_buffer smooth; /* the finest depth smoothed, for its normals only: alignment with smoothed
                                               depth drifts (docs/DESIGN.md) */
-    device_buffer packed; /* normal and depth of the finest level: what is fused */
     device_buffer normals[FATHOM_LEVELS]; /* four planes: normal and confidence */
     cl_kernel convert, smoothing, halve, normal, pack;
 } depth_maps;

@@ -84,4 +84,8 @@ void device_run(device *d, cl_kernel kernel, size_t columns, size_t rows, size_t
                (int)(sizeof((device_argument[]){__VA_ARGS__}) / sizeof(device_argument)),                    \
                (device_argument[]){__VA_ARGS__})
 
+/* Queues a kernel that walks along rows: on a CPU a work-item takes a row, on a GPU each its part of one. */
+#define RUN_ROWS(d, kernel, columns, rows, ...)                                                              \
+    RUN(d, kernel, (d)->cpu ? 1 : (size_t)(columns), (size_t)(rows), (d)->cpu ? 1 : 0, __VA_ARGS__)
+
 #endif

@@ -34,9 +34,11 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const d
     device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_int), &v->counts);
     device_buffer_make(d, a, (size_t)v->tiles * sizeof(cl_float), &v->farthest);
     device_buffer_make(d, a, (size_t)v->tiles * 2 * sizeof(cl_int), &v->ranges);
+    device_buffer_make(d, a, (size_t)camera->width * (size_t)camera->height * sizeof(cl_uint2), &v->planes);
     if (!d->context) return;
     v->request = device_kernel(d, "request_blocks");
     v->clear = device_kernel(d, "clear_blocks");
+    v->pack_planes = device_kernel(d, "pack_planes");
     v->fuse = device_kernel(d, "fuse_blocks");
     v->clear_ranges = device_kernel(d, "clear_ranges");
     v->range_blocks = device_kernel(d, "range_blocks");
@@ -47,12 +49,12 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, const d
 }
 
 void volume_close(volume *v) {
-    cl_kernel kernels[] = {v->request,      v->clear,   v->fuse,         v->clear_ranges,
+    cl_kernel kernels[] = {v->request,      v->clear,   v->pack_planes,  v->fuse,     v->clear_ranges,
                            v->range_blocks, v->raycast, v->raycast_near, v->halve_map};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i]) clReleaseKernel(kernels[i]);
-    device_buffer *buffers[] = {&v->voxels, &v->table,    &v->blocks, &v->requests,
-                                &v->counts, &v->farthest, &v->ranges};
+    device_buffer *buffers[] = {&v->voxels,   &v->table,  &v->blocks, &v->requests, &v->counts,
+                                &v->farthest, &v->ranges, &v->planes, &v->seen};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) device_buffer_free(buffers[i]);
 }
 
@@ -77,9 +79,10 @@ int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to
     kernel_rigid rigid = kernel_rigid_of(camera_to_world);
     cl_float block_m = v->surface.voxel * BLOCK_EDGE;
     v->full = false;
-    RUN(d, v->request, (size_t)v->tiles, 1, 1, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
-        ARG(rigid), ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask),
-        ARG(v->requests.memory), ARG(v->counts.memory), ARG(v->farthest.memory));
+    size_t rows = (size_t)(maps->camera[FINEST].height + TILE - 1) / TILE, columns = (size_t)v->tiles / rows;
+    RUN_ROWS(d, v->request, columns, rows, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
+             ARG(rigid), ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask),
+             ARG(v->requests.memory), ARG(v->counts.memory), ARG(v->farthest.memory));
     cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
     int wanted = 0;
     for (int i = 0; counts && i < v->tiles; i++) wanted += counts[i];
@@ -133,11 +136,13 @@ void volume_fuse(volume *v, device *d, depth_maps *maps, const pose *camera_to_w
         v->settling = v->count;
     }
     cl_int settled = calm ? v->settled : 0, turn = v->frames & 1;
-    depth_maps_pack(maps, d, FINEST, &maps->packed);
-    RUN(d, v->fuse, (size_t)v->count, 1, 1, ARG(maps->packed.memory), ARG(maps->camera[FINEST]),
-        ARG(maps->noise), ARG(v->farthest.memory), ARG(rigid), ARG(v->surface.voxel),
-        ARG(v->surface.truncation), ARG(v->max_weight), ARG(v->blocks.memory), ARG(settled), ARG(turn),
-        ARG(v->frames), ARG(v->seen.memory), ARG(v->voxels.memory));
+    const kernel_camera *camera = &maps->camera[FINEST];
+    RUN_ROWS(d, v->pack_planes, camera->width, camera->height, ARG(maps->depth[FINEST].memory),
+             ARG(maps->normals[FINEST].memory), ARG(*camera), ARG(maps->noise), ARG(v->planes.memory));
+    RUN_ROWS(d, v->fuse, 64, v->count, ARG(v->planes.memory), ARG(*camera), ARG(v->farthest.memory),
+             ARG(rigid), ARG(v->surface.voxel), ARG(v->surface.truncation), ARG(v->max_weight),
+             ARG(v->blocks.memory), ARG(settled), ARG(turn), ARG(v->frames), ARG(v->seen.memory),
+             ARG(v->voxels.memory));
 }
 
 void volume_raycast(volume *v, device *d, const kernel_camera *camera, const pose *camera_to_world,

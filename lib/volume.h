@@ -24,7 +24,8 @@ typedef struct {
     device_buffer requests, counts;
     device_buffer farthest; /* largest depth of each tile of the frame that was allocated for last */
     device_buffer ranges;
-    cl_kernel request, clear, fuse, clear_ranges, range_blocks, raycast, raycast_near, halve_map;
+    device_buffer planes; /* what each pixel of the frame that is fused stands for: 8 bytes */
+    cl_kernel request, clear, pack_planes, fuse, clear_ranges, range_blocks, raycast, raycast_near, halve_map;
 } volume;
 
 /* Bytes that each block of the pool costs, without the pool's fixed part. */

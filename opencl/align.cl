@@ -13,24 +13,6 @@
 #define GROUP 1
 #endif
 
-#if LANES == 8
-#define WIDE 16
-typedef float16 wfloat;
-typedef int16 wint;
-#define WLOAD(p) vload16(0, p)
-#define WINT convert_int16_rtz
-#define WFLOAT convert_float16
-#define COLUMNS ((float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-#else
-#define WIDE 1
-typedef vfloat wfloat;
-typedef vint wint;
-#define WLOAD VLOAD
-#define WINT convert_int_rtz
-#define WFLOAT VFLOAT
-#define COLUMNS 0.0f
-#endif
-
 /* Upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w |p|^2, pairs n,
  * pixels where both have a surface; p here counts from centre. */
 #define SUMS 35
@@ -97,30 +79,6 @@ inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
 #pragma unroll
     for (int k = 0; k < 9; k++) s[24 + k] += r[6 + k];
 }
-
-#if WIDE == 16
-/* Model points in planes. Four of them are turned at a time. */
-inline void gather_points(global const float4 *model, int16 at, float16 *x, float16 *y, float16 *z, float16 *w) {
-    float16 a = (float16)(model[at.s0], model[at.s1], model[at.s2], model[at.s3]);
-    float16 b = (float16)(model[at.s4], model[at.s5], model[at.s6], model[at.s7]);
-    float16 c = (float16)(model[at.s8], model[at.s9], model[at.sa], model[at.sb]);
-    float16 d = (float16)(model[at.sc], model[at.sd], model[at.se], model[at.sf]);
-    float16 xz0 = (float16)(a.even, b.even), yw0 = (float16)(a.odd, b.odd);
-    float16 xz1 = (float16)(c.even, d.even), yw1 = (float16)(c.odd, d.odd);
-    *x = (float16)(xz0.even, xz1.even);
-    *y = (float16)(yw0.even, yw1.even);
-    *z = (float16)(xz0.odd, xz1.odd);
-    *w = (float16)(yw0.odd, yw1.odd);
-}
-#else
-inline void gather_points(global const float4 *model, int at, float *x, float *y, float *z, float *w) {
-    float4 m = model[at];
-    *x = m.x;
-    *y = m.y;
-    *z = m.z;
-    *w = m.w;
-}
-#endif
 
 /* Global size: GROUP, rows. Local size: GROUP, 1. sums: SUMS floats a row.
  * depth, normals: the scan's, padded. model: normal and depth, in the model camera mc. */

@@ -29,8 +29,13 @@ typedef int8 vint;
 #define VINT convert_int8
 #define VINT_FLOOR convert_int8_rtn
 #define VFLOAT convert_float8
+#define AS_VINT as_int8
+inline int any8(int8 v) { /* of comparisons; any() tests lane by lane */
+    long2 q = as_long2(v.lo | v.hi);
+    return (q.x | q.y) != 0;
+}
 #define IOTA ((float8)(0, 1, 2, 3, 4, 5, 6, 7))
-#define ANY(v) any(v)
+#define ANY(v) any8(v)
 #define SELECT(a, b, c) select(a, b, c)
 #else
 typedef float vfloat;
@@ -40,9 +45,130 @@ typedef int vint;
 #define VINT convert_int
 #define VINT_FLOOR convert_int_rtn
 #define VFLOAT convert_float
+#define AS_VINT as_int
 #define IOTA 0.0f
 #define ANY(v) (v)
 #define SELECT(a, b, c) ((c) ? (b) : (a))
+#endif
+
+/* Down, and to the nearest (at most 8191 from zero), in few instructions. */
+inline vint vfloor(vfloat v) {
+    vint i = VINT(v);
+    vint one = 1;
+    return SELECT(i, i - one, VFLOAT(i) > v);
+}
+
+inline vint vnear(vfloat v) {
+    return VINT(v + 8192.5f) - 8192;
+}
+
+/* Each lane's neighbour on the left; the first one's is nowhere. */
+inline vint vleft(vint v) {
+#if LANES == 8
+    return (int8)(INT_MIN, v.s012, v.s3456);
+#else
+    return INT_MIN;
+#endif
+}
+
+/* Where more pay: 16 on a CPU, 1 on a GPU. */
+#if LANES == 8
+#define WIDE 16
+typedef float16 wfloat;
+typedef int16 wint;
+typedef short16 wshort;
+typedef ushort16 wushort;
+#define WLOAD(p) vload16(0, p)
+#define WSTORE(v, p) vstore16(v, 0, p)
+#define WINT convert_int16_rtz
+#define WFLOAT convert_float16
+#define WSHORT convert_short16
+#define WUSHORT convert_ushort16
+#define AS_WFLOAT as_float16
+#define WANY(v) any8((v).lo | (v).hi)
+#define COLUMNS ((float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+#else
+#define WIDE 1
+typedef float wfloat;
+typedef int wint;
+typedef short wshort;
+typedef ushort wushort;
+#define WLOAD VLOAD
+#define WSTORE VSTORE
+#define WINT convert_int_rtz
+#define WFLOAT VFLOAT
+#define WSHORT convert_short
+#define WUSHORT convert_ushort
+#define AS_WFLOAT as_float
+#define WANY ANY
+#define COLUMNS 0.0f
+#endif
+
+/* Two WIDE neighbours each: those in even and in odd places. */
+inline void load_pairs(global const float *p, wfloat *even, wfloat *odd) {
+#if WIDE == 16
+    float16 a = vload16(0, p), b = vload16(1, p);
+    *even = (float16)(a.even, b.even);
+    *odd = (float16)(a.odd, b.odd);
+#else
+    *even = p[0];
+    *odd = p[1];
+#endif
+}
+
+/* WIDE points, a float4 each, from anywhere. */
+#if WIDE == 16
+inline void gather_points(global const float4 *from, int16 at, float16 *x, float16 *y, float16 *z, float16 *w) {
+    float16 a = (float16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3]); /* four are turned at a time */
+    float16 b = (float16)(from[at.s4], from[at.s5], from[at.s6], from[at.s7]);
+    float16 c = (float16)(from[at.s8], from[at.s9], from[at.sa], from[at.sb]);
+    float16 d = (float16)(from[at.sc], from[at.sd], from[at.se], from[at.sf]);
+    float16 xz0 = (float16)(a.even, b.even), yw0 = (float16)(a.odd, b.odd);
+    float16 xz1 = (float16)(c.even, d.even), yw1 = (float16)(c.odd, d.odd);
+    *x = (float16)(xz0.even, xz1.even);
+    *y = (float16)(yw0.even, yw1.even);
+    *z = (float16)(xz0.odd, xz1.odd);
+    *w = (float16)(yw0.odd, yw1.odd);
+}
+
+inline void gather_pairs(global const uint2 *from, int16 at, int16 *first, int16 *second) {
+    int16 a = as_int16((uint16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3], from[at.s4], from[at.s5], from[at.s6], from[at.s7]));
+    int16 b = as_int16((uint16)(from[at.s8], from[at.s9], from[at.sa], from[at.sb], from[at.sc], from[at.sd], from[at.se], from[at.sf]));
+    *first = (int16)(a.even, b.even);
+    *second = (int16)(a.odd, b.odd);
+}
+
+/* The first `count` of LANES pairs, one after the other. */
+inline void store_pairs(int8 first, int8 second, int count, global uint2 *to) {
+    int16 pairs;
+    pairs.even = first;
+    pairs.odd = second;
+    if (count == LANES) {
+        vstore16(pairs, 0, (global int *)to);
+        return;
+    }
+    int both[16];
+    vstore16(pairs, 0, both);
+    for (int k = 0; k < count; k++) to[k] = (uint2)(both[2 * k], both[2 * k + 1]);
+}
+#else
+inline void gather_points(global const float4 *from, int at, float *x, float *y, float *z, float *w) {
+    float4 m = from[at];
+    *x = m.x;
+    *y = m.y;
+    *z = m.z;
+    *w = m.w;
+}
+
+inline void gather_pairs(global const uint2 *from, int at, int *first, int *second) {
+    uint2 m = from[at];
+    *first = m.x;
+    *second = m.y;
+}
+
+inline void store_pairs(int first, int second, int count, global uint2 *to) {
+    *to = (uint2)(first, second);
+}
 #endif
 
 #define TILE 8 /* side of the tiles that images are divided into, pixels */

@@ -48,110 +48,121 @@ inline float8 source_depths(global const ushort *raw, depth_source s, int x, int
 }
 
 /* Metric depth, averaged over factor x factor pixels as far as they belong to the nearest surface among them.
- * Global size: groups of eight pixels a row, height of the map. */
+ * Global size: work-items that share a row, height of the map; each works on eight pixels at a time. */
 kernel void convert_depth(global const ushort *raw, depth_source s, camera c, float2 noise, global float *depth) {
-    int x = get_global_id(0) * 8, y = get_global_id(1);
+    int y = get_global_id(1);
     float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
-    if (s.factor == 1) { /* there is nothing to average */
-        float8 z = source_depths(raw, s, x, y, 0, 0);
-        vstore8(select((float8)(0.0f), z, lane < (float)(c.width - x)), 0, depth + AT(c, x, y));
-        return;
+    for (int x = get_global_id(0) * 8; x < c.width; x += get_global_size(0) * 8) {
+        int8 inside = lane < (float)(c.width - x); /* distortion can bring depth into the margin */
+        if (s.factor == 1) {                       /* there is nothing to average */
+            vstore8(select((float8)(0.0f), source_depths(raw, s, x, y, 0, 0), inside), 0, depth + AT(c, x, y));
+            continue;
+        }
+        float8 nearest = INFINITY;
+        for (int j = 0; j < s.factor; j++)
+            for (int i = 0; i < s.factor; i++) {
+                float8 z = source_depths(raw, s, x, y, i, j);
+                nearest = fmin(nearest, select((float8)(INFINITY), z, z > 0.0f));
+            }
+        float8 band = nearest + 4.0f * (noise.x + noise.y * nearest * nearest) + 0.005f * nearest;
+        float8 sum = 0.0f, count = 0.0f;
+        for (int j = 0; j < s.factor; j++)
+            for (int i = 0; i < s.factor; i++) {
+                float8 z = source_depths(raw, s, x, y, i, j);
+                int8 keep = (z > 0.0f) & (z <= band);
+                sum += select((float8)(0.0f), z, keep);
+                count += select((float8)(0.0f), (float8)(1.0f), keep);
+            }
+        vstore8(select((float8)(0.0f), sum / count, count > 0.0f && inside), 0, depth + AT(c, x, y));
     }
-    float8 nearest = INFINITY;
-    for (int j = 0; j < s.factor; j++)
-        for (int i = 0; i < s.factor; i++) {
-            float8 z = source_depths(raw, s, x, y, i, j);
-            nearest = fmin(nearest, select((float8)(INFINITY), z, z > 0.0f));
-        }
-    float8 band = nearest + 4.0f * (noise.x + noise.y * nearest * nearest) + 0.005f * nearest;
-    float8 sum = 0.0f, count = 0.0f;
-    for (int j = 0; j < s.factor; j++)
-        for (int i = 0; i < s.factor; i++) {
-            float8 z = source_depths(raw, s, x, y, i, j);
-            int8 keep = (z > 0.0f) & (z <= band);
-            sum += select((float8)(0.0f), z, keep);
-            count += select((float8)(0.0f), (float8)(1.0f), keep);
-        }
-    int8 good = count > 0.0f && lane < (float)(c.width - x); /* distortion can bring depth into the margin */
-    vstore8(select((float8)(0.0f), sum / count, good), 0, depth + AT(c, x, y));
 }
 
 /* Edge-preserving smoothing over 5x5 pixels: weights fall with the distance in the image (binomial) and with the
  * difference of depth in units of its noise (Tukey's biweight, which is zero beyond `reach` sigma and needs no exp).
- * Global size: groups of eight pixels a row, height. */
+ * Global size: work-items that share a row, height. */
 kernel void smooth_depth(global const float *depth, camera c, float2 noise, float reach, global float *smooth) {
-    int x = get_global_id(0) * 8, y = get_global_id(1);
-    int i = AT(c, x, y);
-    float8 z = vload8(0, depth + i);
-    float8 inverse = 1.0f / (reach * (noise.x + noise.y * z * z));
-    float8 sum = 0.0f, weights = 0.0f;
+    int y = get_global_id(1);
+    wfloat zero = 0.0f;
     const float binomial[5] = {1.0f, 4.0f, 6.0f, 4.0f, 1.0f};
-    for (int dy = -2; dy <= 2; dy++)
-        for (int dx = -2; dx <= 2; dx++) {
-            float8 v = vload8(0, depth + i + dy * c.pitch + dx);
-            float8 e = (v - z) * inverse;
-            float8 w = fmax(1.0f - e * e, 0.0f);
-            w = w * w * (binomial[dy + 2] * binomial[dx + 2]);
-            w = select(w, (float8)(0.0f), v == 0.0f);
-            sum += w * v;
-            weights += w;
-        }
-    float8 result = select(sum / weights, (float8)(0.0f), z == 0.0f);
-    float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
-    result = select(result, (float8)(0.0f), lane >= (float)(c.width - x)); /* the margin stays zero */
-    vstore8(result, 0, smooth + i);
+    for (int x = get_global_id(0) * WIDE; x < c.width; x += get_global_size(0) * WIDE) {
+        int i = AT(c, x, y);
+        wfloat z = WLOAD(depth + i);
+        wfloat inverse = 1.0f / (reach * (noise.x + noise.y * z * z));
+        wfloat sum = 0.0f, weights = 0.0f;
+        for (int dy = -2; dy <= 2; dy++)
+            for (int dx = -2; dx <= 2; dx++) {
+                wfloat v = WLOAD(depth + i + dy * c.pitch + dx);
+                wfloat e = (v - z) * inverse;
+                wfloat w = fmax(1.0f - e * e, 0.0f);
+                w = w * w * (binomial[dy + 2] * binomial[dx + 2]);
+                w = SELECT(w, zero, v == 0.0f);
+                sum += w * v;
+                weights += w;
+            }
+        wfloat result = SELECT(sum / weights, zero, z == 0.0f);
+        WSTORE(SELECT(result, zero, COLUMNS >= (float)(c.width - x)), smooth + i); /* the margin stays zero */
+    }
 }
 
 /* The next coarser depth: 2x2 pixels averaged as far as they belong to the nearest surface among them.
- * Global size: width, height of the coarser map. */
+ * Global size: work-items that share a row, height of the coarser map. */
 kernel void halve_depth(global const float *fine, camera f, camera c, float2 noise, global float *coarse) {
-    int x = get_global_id(0), y = get_global_id(1);
-    int i = AT(f, 2 * x, 2 * y);
-    float4 z = (float4)(fine[i], fine[i + 1], fine[i + f.pitch], fine[i + f.pitch + 1]);
-    float4 known = select((float4)(INFINITY), z, z > 0.0f);
-    float nearest = fmin(fmin(known.x, known.y), fmin(known.z, known.w));
-    float band = nearest + 4.0f * depth_sigma(noise, nearest) + 0.01f * nearest;
-    float4 keep = select((float4)(0.0f), (float4)(1.0f), known <= band && known < INFINITY);
-    float count = keep.x + keep.y + keep.z + keep.w;
-    coarse[AT(c, x, y)] = count > 0.0f ? dot(keep, z) / count : 0.0f;
+    int y = get_global_id(1);
+    wfloat zero = 0.0f, one = 1.0f, never = INFINITY;
+    for (int x = get_global_id(0) * WIDE; x < c.width; x += get_global_size(0) * WIDE) {
+        int i = AT(f, 2 * x, 2 * y);
+        wfloat z[4], nearest = never, sum = 0.0f, count = 0.0f;
+        load_pairs(fine + i, &z[0], &z[1]);
+        load_pairs(fine + i + f.pitch, &z[2], &z[3]);
+        for (int k = 0; k < 4; k++) nearest = fmin(nearest, SELECT(never, z[k], z[k] > 0.0f));
+        wfloat band = nearest + 4.0f * (noise.x + noise.y * nearest * nearest) + 0.01f * nearest;
+        for (int k = 0; k < 4; k++) {
+            wint keep = (z[k] > 0.0f) & (z[k] <= band);
+            sum += SELECT(zero, z[k], keep);
+            count += SELECT(zero, one, keep);
+        }
+        WSTORE(SELECT(zero, sum / count, (count > 0.0f) & (COLUMNS < (float)(c.width - x))), coarse + AT(c, x, y));
+    }
 }
 
 /* Normals from differences of the neighbours' vertices, in camera axes and towards the camera; and each pixel's
  * confidence, the weight of Section 2: the depth's inverse variance relative to that at 1 m ("distance"), lowered where
  * the surface bends from pixel to pixel ("normal variation"). Four planes: nx, ny, nz, confidence; all zero: no normal.
- * Global size: groups of eight pixels a row, height. */
+ * Global size: work-items that share a row, height. */
 kernel void normal_map(global const float *depth, camera c, float2 noise, global float *normals) {
-    int x = get_global_id(0) * 8, y = get_global_id(1);
-    int i = AT(c, x, y);
-    float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
-    float8 z = vload8(0, depth + i);
-    float8 left = vload8(0, depth + i - 1), right = vload8(0, depth + i + 1);
-    float8 up = vload8(0, depth + i - c.pitch), down = vload8(0, depth + i + c.pitch);
-    float8 sigma = noise.x + noise.y * z * z;
-    /* a step to a neighbour across an edge is not a slope: allow what a surface at 75 degrees makes, and noise */
-    float8 limit = 4.0f * sigma + 4.0f * z / c.fx;
-    int8 l = left > 0.0f && fabs(left - z) < limit, r = right > 0.0f && fabs(right - z) < limit;
-    int8 u = up > 0.0f && fabs(up - z) < limit, b = down > 0.0f && fabs(down - z) < limit;
-    float8 za = select(z, left, l), zb = select(z, right, r), zc = select(z, up, u), zd = select(z, down, b);
-    float8 wide = select((float8)(0.0f), (float8)(1.0f), r) + select((float8)(0.0f), (float8)(1.0f), l);
-    float8 tall = select((float8)(0.0f), (float8)(1.0f), b) + select((float8)(0.0f), (float8)(1.0f), u);
-    int8 valid = z > 0.0f && wide > 0.0f && tall > 0.0f && lane < (float)(c.width - x);
-    float8 gx = (zb - za) / wide, gy = (zd - zc) / tall; /* slope of the depth, metres a pixel */
-    /* (dP/du) x (dP/dv) for P = ((u - cx) z / fx, (v - cy) z / fy, z), up to a positive factor, pointing to the camera */
-    float8 px = (float)x + lane - c.cx;
-    float py = (float)y - c.cy;
-    float8 nx = c.fx * gx, ny = c.fy * gy, nz = -(z + px * gx + py * gy);
-    float8 inverse = 1.0f / sqrt(nx * nx + ny * ny + nz * nz);
-    float8 bend_x = select((float8)(0.0f), left + right - 2.0f * z, l && r);
-    float8 bend_y = select((float8)(0.0f), up + down - 2.0f * z, u && b);
-    float8 bend = (bend_x * bend_x + bend_y * bend_y) / (9.0f * sigma * sigma); /* in units of three sigma */
-    float8 edge = select((float8)(0.25f), (float8)(1.0f), l && r && u && b);
+    int y = get_global_id(1);
+    wfloat zero = 0.0f, one = 1.0f, quarter = 0.25f;
     float sigma_1m = depth_sigma(noise, 1.0f);
-    float8 confidence = edge * sigma_1m * sigma_1m / (sigma * sigma * (1.0f + bend));
-    vstore8(select((float8)(0.0f), nx * inverse, valid), 0, normals + i);
-    vstore8(select((float8)(0.0f), ny * inverse, valid), 0, normals + c.plane + i);
-    vstore8(select((float8)(0.0f), nz * inverse, valid), 0, normals + 2 * c.plane + i);
-    vstore8(select((float8)(0.0f), confidence, valid), 0, normals + 3 * c.plane + i);
+    for (int x = get_global_id(0) * WIDE; x < c.width; x += get_global_size(0) * WIDE) {
+        int i = AT(c, x, y);
+        wfloat z = WLOAD(depth + i);
+        wfloat left = WLOAD(depth + i - 1), right = WLOAD(depth + i + 1);
+        wfloat up = WLOAD(depth + i - c.pitch), down = WLOAD(depth + i + c.pitch);
+        wfloat sigma = noise.x + noise.y * z * z;
+        /* a step to a neighbour across an edge is not a slope: allow what a surface at 75 degrees makes, and noise */
+        wfloat limit = 4.0f * sigma + 4.0f * z / c.fx;
+        wint l = (left > 0.0f) & (fabs(left - z) < limit), r = (right > 0.0f) & (fabs(right - z) < limit);
+        wint u = (up > 0.0f) & (fabs(up - z) < limit), b = (down > 0.0f) & (fabs(down - z) < limit);
+        wfloat za = SELECT(z, left, l), zb = SELECT(z, right, r), zc = SELECT(z, up, u), zd = SELECT(z, down, b);
+        wfloat wide = SELECT(zero, one, r) + SELECT(zero, one, l);
+        wfloat tall = SELECT(zero, one, b) + SELECT(zero, one, u);
+        wint valid = (z > 0.0f) & (wide > 0.0f) & (tall > 0.0f) & (COLUMNS < (float)(c.width - x));
+        wfloat gx = (zb - za) / wide, gy = (zd - zc) / tall; /* slope of the depth, metres a pixel */
+        /* (dP/du) x (dP/dv) for P = ((u - cx) z / fx, (v - cy) z / fy, z), up to a positive factor, pointing to the camera */
+        wfloat px = (float)x + COLUMNS - c.cx;
+        float py = (float)y - c.cy;
+        wfloat nx = c.fx * gx, ny = c.fy * gy, nz = -(z + px * gx + py * gy);
+        wfloat inverse = 1.0f / sqrt(nx * nx + ny * ny + nz * nz);
+        wfloat bend_x = SELECT(zero, left + right - 2.0f * z, l & r);
+        wfloat bend_y = SELECT(zero, up + down - 2.0f * z, u & b);
+        wfloat bend = (bend_x * bend_x + bend_y * bend_y) / (9.0f * sigma * sigma); /* in units of three sigma */
+        wfloat edge = SELECT(quarter, one, l & r & u & b);
+        wfloat confidence = edge * sigma_1m * sigma_1m / (sigma * sigma * (1.0f + bend));
+        WSTORE(SELECT(zero, nx * inverse, valid), normals + i);
+        WSTORE(SELECT(zero, ny * inverse, valid), normals + c.plane + i);
+        WSTORE(SELECT(zero, nz * inverse, valid), normals + 2 * c.plane + i);
+        WSTORE(SELECT(zero, confidence, valid), normals + 3 * c.plane + i);
+    }
 }
 
 /* A frame's maps in the model's form, normal and depth, so that it can be fused, and the next one aligned with it. The

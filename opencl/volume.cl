@@ -5,6 +5,8 @@
  * WEIGHT_ONE for one observation at 1 m), x fastest. Voxel i stands at i * voxel metres in the world. */
 
 #define WEIGHT_ONE 64.0f
+#define WEIGHT_BITS 511 /* enough for a pixel's weight */
+#define NORMAL_UNIT (1.0f / 2145386496.0f) /* 1023 * 2^21, nearly 511 * 2^22 */
 #define BEHIND 1.0f /* truncations behind the surface along the ray that a pixel still speaks for */
 
 #define TILE_SLOTS 64 /* requests a tile may make */
@@ -12,46 +14,62 @@
 /* Which blocks near the scan's surface are not there yet? Each tile of pixels walks its rays through the truncation band
  * and lists the missing blocks it meets, each once, in its own slots: no atomics, so nothing depends on the order of
  * threads. Tiles overlap in what they ask for; the host takes them in order and drops doubles. A tile with more than TILE_SLOTS asks
- * for the rest in the next frame. Of pixels closer together than a third of a block every second, third or fourth will do.
- * Global size: tiles. requests: TILE_SLOTS int4 a tile; counts: one int a tile; farthest: the tile's largest depth. */
+ * for the rest in the next frame. Of rows closer together than a third of a block every second, third or fourth will do.
+ * Global size: work-items that share a row of tiles, rows of tiles. requests: TILE_SLOTS int4 a tile; counts: one int a tile; farthest: the tile's largest depth. */
 kernel void request_blocks(global const float *depth, camera c, rigid pose, float block_m, float truncation,
                            global const int4 *table, uint mask, global int4 *requests, global int *counts,
                            global float *farthest) {
-    int tile = get_global_id(0), tiles_x = (c.width + TILE - 1) / TILE;
-    int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
-    global int4 *slots = requests + tile * TILE_SLOTS;
-    int count = 0;
-    int3 last = (int3)(INT_MAX);
-    float3 origin = (float3)(pose.x.w, pose.y.w, pose.z.w);
-    float inverse = 1.0f / block_m;
-    float8 most = 0.0f;
-    for (int y = y0; y < min(y0 + TILE, c.height); y++) most = fmax(most, vload8(0, depth + AT(c, x0, y)));
-    float4 half_most = fmax(most.lo, most.hi);
-    float far = fmax(fmax(half_most.x, half_most.y), fmax(half_most.z, half_most.w));
-    farthest[tile] = far;
-    int apart = clamp(convert_int_rtz(c.fx * block_m / (3.0f * fmax(far, 0.01f))), 1, 4);
-    for (int y = y0; y < min(y0 + TILE, c.height); y += apart)
-        for (int x = x0; x < min(x0 + TILE, c.width); x += apart) {
-            float z = depth[AT(c, x, y)];
-            if (z == 0.0f) continue;
-            float3 ray = rotate_vector(pose, (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f));
-            float reach = truncation * rsqrt(dot(ray, ray));
-            float3 from = (origin + ray * (z - reach)) * inverse, to = (origin + ray * (z + reach)) * inverse;
-            float3 way = to - from;
-            int steps = convert_int_rtp(fmax(fmax(fabs(way.x), fabs(way.y)), fabs(way.z)) * 2.0f);
-            for (int k = 0; k <= steps; k++) {
-                /* the voxels around a point reach half a voxel below it: a block owns [8i, 8i + 8) samples */
-                int3 b = convert_int3_rtn(from + way * ((float)k / (float)max(steps, 1)));
-                if (all(b == last)) continue;
-                last = b;
-                if (count == TILE_SLOTS) continue;
-                bool known = false;
-                for (int j = count - 1; j >= 0 && !known; j--)
-                    known = slots[j].x == b.x && slots[j].y == b.y && slots[j].z == b.z;
-                if (!known && find_block(table, mask, b) < 0) slots[count++] = (int4)(b, 0);
+    int tiles_x = (c.width + TILE - 1) / TILE;
+    int y0 = get_global_id(1) * TILE, y1 = min(y0 + TILE, c.height);
+    int4 met[8]; /* lately: blocks by whether their coordinates are odd, so that neighbours don't drive each other out */
+    for (int i = 0; i < 8; i++) met[i] = INT_MAX;
+    vint nowhere = INT_MAX;
+    float inverse = 1.0f / block_m, ifx = 1.0f / c.fx;
+    float3 origin = (float3)(pose.x.w, pose.y.w, pose.z.w) * inverse;
+    int steps = convert_int_rtp(4.0f * truncation * inverse); /* half a block at most */
+    for (int tile_x = get_global_id(0); tile_x < tiles_x; tile_x += get_global_size(0)) {
+        int tile = get_global_id(1) * tiles_x + tile_x, x0 = tile_x * TILE, count = 0;
+        global int4 *slots = requests + tile * TILE_SLOTS;
+        float8 most = 0.0f;
+        for (int y = y0; y < y1; y++) most = fmax(most, vload8(0, depth + AT(c, x0, y)));
+        float4 half_most = fmax(most.lo, most.hi);
+        float far = fmax(fmax(half_most.x, half_most.y), fmax(half_most.z, half_most.w));
+        farthest[tile] = far;
+        int apart = clamp(convert_int_rtz(c.fx * block_m / (3.0f * fmax(far, 0.01f))), 1, 4);
+        for (int y = y0; y < y1; y += apart)
+            for (int x = x0; x < x0 + TILE; x += LANES) {
+                vfloat z = VLOAD(depth + AT(c, x, y)), u = (IOTA + (float)x - c.cx) * ifx;
+                float v = ((float)y - c.cy) / c.fy;
+                vfloat rx = (pose.x.x * u + (pose.x.y * v + pose.x.z)) * inverse;
+                vfloat ry = (pose.y.x * u + (pose.y.y * v + pose.y.z)) * inverse;
+                vfloat rz = (pose.z.x * u + (pose.z.y * v + pose.z.z)) * inverse;
+                vfloat reach = truncation / sqrt(u * u + v * v + 1.0f);
+                for (int k = 0; k <= steps; k++) {
+                    vfloat at = z + reach * (2.0f * (float)k / (float)steps - 1.0f);
+                    /* the voxels around a point reach half a voxel below it: a block owns [8i, 8i + 8) samples */
+                    vint i = SELECT(nowhere, vfloor(origin.x + rx * at), z > 0.0f);
+                    vint j = vfloor(origin.y + ry * at), m = vfloor(origin.z + rz * at);
+                    vint differs = (z > 0.0f) & ((i != vleft(i)) | (j != vleft(j)) | (m != vleft(m)));
+                    if (!ANY(differs)) continue;
+                    int bx[LANES], by[LANES], bz[LANES], look[LANES];
+                    VSTORE(i, bx);
+                    VSTORE(j, by);
+                    VSTORE(m, bz);
+                    VSTORE(differs, look);
+                    for (int l = 0; l < LANES; l++) {
+                        if (!look[l]) continue;
+                        int place = (bx[l] & 1) | (by[l] & 1) << 1 | (bz[l] & 1) << 2;
+                        int4 b = (int4)(bx[l], by[l], bz[l], 0);
+                        if (all(met[place] == b)) continue;
+                        met[place] = b;
+                        bool known = count == TILE_SLOTS || find_block(table, mask, b.xyz) >= 0;
+                        for (int n = 0; n < count && !known; n++) known = all(slots[n] == b);
+                        if (!known) slots[count++] = b;
+                    }
+                }
             }
-        }
-    counts[tile] = count;
+        counts[tile] = count;
+    }
 }
 
 /* The largest depth that any tile under the circle about a point in camera axes has. */
@@ -68,17 +86,46 @@ inline float farthest_about(global const float *farthest, camera c, float3 m, fl
     return far;
 }
 
+/* What fusion needs of a pixel, in eight bytes: the plane that its depth and normal stand for, in camera axes, and its
+ * weight. A point p is n . p - w metres in front of the plane. The weight is the depth's inverse variance and how squarely
+ * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n in 11, 11 and 10 bits;
+ * w is made of that n, so that the plane holds the pixel's point. Second word: w, whose last bits are the weight.
+ * Pixels without depth have an infinite w. Global size: work-items that share a row, height. */
+kernel void pack_planes(global const float *depth, global const float *normals, camera c, float2 noise,
+                        global uint2 *planes) {
+    int y = get_global_id(1);
+    vfloat quarter = 0.25f, never = INFINITY, ry = ((float)y - c.cy) / c.fy;
+    float sigma_1m = depth_sigma(noise, 1.0f), ifx = 1.0f / c.fx;
+    for (int x = get_global_id(0) * LANES; x < c.width; x += get_global_size(0) * LANES) {
+        int i = AT(c, x, y);
+        vfloat d = VLOAD(depth + i);
+        vfloat nx = VLOAD(normals + i), ny = VLOAD(normals + c.plane + i), nz = VLOAD(normals + 2 * c.plane + i);
+        vfloat rx = (IOTA + (float)x - c.cx) * ifx, across = -1.0f / sqrt(1.0f + rx * rx + ry * ry);
+        vint flat = nz != 0.0f;
+        vfloat squarely = SELECT(quarter, (nx * rx + ny * ry + nz) * across, flat);
+        vfloat sigma = noise.x + noise.y * d * d;
+        vfloat weight = WEIGHT_ONE * sigma_1m * sigma_1m * squarely / (sigma * sigma);
+        vint bx = vnear(SELECT(rx * across, nx, flat) * 1023.0f), by = vnear(SELECT(ry * across, ny, flat) * 1023.0f);
+        vint bz = vnear(SELECT(across, nz, flat) * 511.0f);
+        vint normal = (bx << 21) | (by << 10 & 0x1ffc00) | (bz & 0x3ff);
+        vfloat w = NORMAL_UNIT * (VFLOAT(bx << 21) * rx + VFLOAT(by << 21) * ry + VFLOAT(bz << 22)) * d;
+        vint rounded = AS_VINT(SELECT(never, w - 0.5f / 32768.0f * fabs(w), d > 0.0f)) & ~WEIGHT_BITS;
+        store_pairs(normal, rounded | vnear(clamp(weight, 1.0f, 4.0f * WEIGHT_ONE)), min(c.width - x, LANES),
+                    planes + y * c.width + x);
+    }
+}
+
 /* Fuses a frame into the blocks in view (Curless and Levoy 1996, eq. 1 and 2): a running average of the distance to the
- * plane through the pixel's surface point, weighted by the depth's inverse variance and by how squarely it was seen. The
- * plane (not the depth along the ray) keeps slanted surfaces true and makes up for the pixels' coarseness. Pixels without
- * a normal count a quarter, by the distance along the ray. Two rows of eight voxels at once.
+ * plane that a voxel's pixel stands for. The plane (not the depth along the ray) keeps slanted surfaces true and makes
+ * up for the pixels' coarseness. WIDE voxels at once.
  * Of the first `settled` blocks only those with an odd or even place take their turn (turn 1, 0).
  * seen: gets the frame's number for each block in view.
- * scan: normal and depth of each pixel (pack_map). farthest: each tile's largest depth. Global size: blocks in use. */
-kernel void fuse_blocks(global const float4 *scan, camera c, float2 noise, global const float *farthest,
-                        rigid world_to_camera, float voxel, float truncation, float max_weight, global const int4 *blocks,
-                        int settled, int turn, int frame, global int *seen, global short *voxels) {
-    int index = get_global_id(0);
+ * planes: of each pixel (pack_planes). farthest: each tile's largest depth.
+ * Global size: work-items that share a block, blocks in use. */
+kernel void fuse_blocks(global const uint2 *planes, camera c, global const float *farthest, rigid world_to_camera,
+                        float voxel, float truncation, float max_weight, global const int4 *blocks, int settled,
+                        int turn, int frame, global int *seen, global short *voxels) {
+    int index = get_global_id(1);
     if (index < settled && (index & 1) != turn) return;
     int4 b = blocks[index];
     float3 corner = convert_float3(b.xyz * BLOCK_EDGE) * voxel;
@@ -100,53 +147,34 @@ kernel void fuse_blocks(global const float4 *scan, camera c, float2 noise, globa
     if (m.z - radius > farthest_about(farthest, c, m, radius) + BEHIND * truncation) return;
 
     seen[index] = frame;
-    global short *distances = voxels + (size_t)index * 2 * BLOCK_VOXELS;
-    global ushort *weights = (global ushort *)(distances + BLOCK_VOXELS);
-    float16 lx = (float16)(0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7), ly = (float16)(0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1);
-    float16 rowx = ex.x * lx + ey.x * ly, rowy = ex.y * lx + ey.y * ly, rowz = ex.z * lx + ey.z * ly;
-    float sigma_1m = depth_sigma(noise, 1.0f);
-    float weight_1m = WEIGHT_ONE * sigma_1m * sigma_1m, ifx = 1.0f / c.fx, ify = 1.0f / c.fy;
-    float units = TSDF_ONE / truncation;
-    for (int k = 0; k < BLOCK_EDGE * BLOCK_EDGE / 2; k++) {
-        float3 p0 = o + ey * (float)(2 * k & 7) + ez * (float)(k >> 2);
-        float16 pz = p0.z + rowz;
-        int16 valid = pz > 0.1f;
-        float16 iz = 1.0f / fmax(pz, 0.1f);
-        float16 px = p0.x + rowx, py = p0.y + rowy;
-        float16 rx = px * iz, ry = py * iz;
-        float16 u = rx * c.fx + (c.cx + 0.5f), v = ry * c.fy + (c.cy + 0.5f);
-        valid &= (u >= 0.0f) & (v >= 0.0f) & (u < (float)c.width) & (v < (float)c.height);
-        if (!any(valid)) continue;
-        int16 ui = convert_int16_rtz(select((float16)(0.0f), u, valid));
-        int16 vi = convert_int16_rtz(select((float16)(0.0f), v, valid));
-        int16 at = vi * c.width + ui;
-        float4 m0 = scan[at.s0], m1 = scan[at.s1], m2 = scan[at.s2], m3 = scan[at.s3];
-        float4 m4 = scan[at.s4], m5 = scan[at.s5], m6 = scan[at.s6], m7 = scan[at.s7];
-        float4 m8 = scan[at.s8], m9 = scan[at.s9], ma = scan[at.sa], mb = scan[at.sb];
-        float4 mc = scan[at.sc], md = scan[at.sd], me = scan[at.se], mf = scan[at.sf];
-        float16 d = (float16)(m0.w, m1.w, m2.w, m3.w, m4.w, m5.w, m6.w, m7.w, m8.w, m9.w, ma.w, mb.w, mc.w, md.w, me.w, mf.w);
-        float16 ray = sqrt(1.0f + rx * rx + ry * ry);
-        float16 along = (d - pz) * ray;
-        valid &= (d > 0.0f) & (along > -BEHIND * truncation);
-        if (!any(valid)) continue;
-        float16 nx = (float16)(m0.x, m1.x, m2.x, m3.x, m4.x, m5.x, m6.x, m7.x, m8.x, m9.x, ma.x, mb.x, mc.x, md.x, me.x, mf.x);
-        float16 ny = (float16)(m0.y, m1.y, m2.y, m3.y, m4.y, m5.y, m6.y, m7.y, m8.y, m9.y, ma.y, mb.y, mc.y, md.y, me.y, mf.y);
-        float16 nz = (float16)(m0.z, m1.z, m2.z, m3.z, m4.z, m5.z, m6.z, m7.z, m8.z, m9.z, ma.z, mb.z, mc.z, md.z, me.z, mf.z);
-        float16 gx = (convert_float16(ui) - c.cx) * ifx * d - px, gy = (convert_float16(vi) - c.cy) * ify * d - py;
-        float16 to_plane = -(nx * gx + ny * gy + nz * (d - pz));
-        int16 flat = nz != 0.0f;
-        float16 s = select(along, to_plane, flat);
-        valid &= s > -truncation;
-        float16 sigma = noise.x + noise.y * d * d;
-        float16 squarely = select(0.25f * ray, -(nx * rx + ny * ry + nz), flat); /* the cosine, times the ray's length */
-        float16 w = weight_1m * squarely / (sigma * sigma * ray);
-        w = clamp(rint(w), 1.0f, 4.0f * WEIGHT_ONE);
-        float16 old_d = convert_float16(vload16(k, distances)), old_w = convert_float16(vload16(k, weights));
-        float16 sum = old_w + w;
-        float16 mean = (old_d * old_w + fmin(s * units, TSDF_ONE) * w) / sum;
-        float16 new_w = fmin(sum, max_weight * WEIGHT_ONE);
-        vstore16(convert_short16_sat_rte(select(old_d, mean, valid)), k, distances);
-        vstore16(convert_ushort16_sat_rte(select(old_w, new_w, valid)), k, weights);
+    global wshort *distances = (global wshort *)(voxels + (size_t)index * 2 * BLOCK_VOXELS);
+    global wushort *weights = (global wushort *)(distances + BLOCK_VOXELS / WIDE);
+    wfloat lx = COLUMNS - 8.0f * floor(COLUMNS / 8.0f), ly = floor(COLUMNS / 8.0f);
+    wfloat dx = ex.x * lx + ey.x * ly, dy = ex.y * lx + ey.y * ly, dz = ex.z * lx + ey.z * ly;
+    wint nowhere = 0;
+    float units = TSDF_ONE / truncation, behind = BEHIND * truncation;
+    for (int k = get_global_id(0); k < BLOCK_VOXELS / WIDE; k += get_global_size(0)) {
+        int i = k * WIDE;
+        float3 p0 = o + ex * (float)(i & 7) + ey * (float)(i >> 3 & 7) + ez * (float)(i >> 6);
+        wfloat px = p0.x + dx, py = p0.y + dy, pz = p0.z + dz;
+        wfloat iz = 1.0f / pz;
+        wfloat u = px * iz * c.fx + (c.cx + 0.5f), v = py * iz * c.fy + (c.cy + 0.5f);
+        wint valid = (pz > 0.1f) & (u >= 0.0f) & (v >= 0.0f) & (u < (float)c.width) & (v < (float)c.height);
+        if (!WANY(valid)) continue;
+        wint normal, second;
+        gather_pairs(planes, SELECT(nowhere, WINT(v) * c.width + WINT(u), valid), &normal, &second);
+        wfloat nx = WFLOAT(normal & (int)0xffe00000), ny = WFLOAT(normal << 11 & (int)0xffe00000), nz = WFLOAT(normal << 22);
+        /* a voxel's distance s is `along` the ray by s |p| / -n.p, which may be no more than `behind` */
+        wfloat up = NORMAL_UNIT * (nx * px + ny * py + nz * pz), s = up - AS_WFLOAT(second & ~WEIGHT_BITS);
+        wfloat limit = behind * up;
+        valid &= (s > -truncation) & (s * fabs(s) * (px * px + py * py + pz * pz) > -limit * limit);
+        if (!WANY(valid)) continue;
+        wfloat weight = WFLOAT(second & WEIGHT_BITS);
+        wfloat old_d = WFLOAT(distances[k]), old_w = WFLOAT(weights[k]);
+        wfloat sum = old_w + weight;
+        wfloat mean = old_d + (fmin(s * units, TSDF_ONE) - old_d) * weight / sum;
+        distances[k] = WSHORT(WINT(SELECT(old_d, mean, valid) + 32768.5f) - 32768); /* to the nearest */
+        weights[k] = WUSHORT(WINT(SELECT(old_w, fmin(sum, max_weight * WEIGHT_ONE), valid)));
     }
 }
 
