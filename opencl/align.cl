@@ -88,56 +88,68 @@ void align_reduce(global const float *depth, global const float *normals, camera
     int y = get_global_id(1);
     wfloat s[SUMS];
     wide_pairs pairs[KEPT];
-    int kept = 0;
+    int at[WIDE * KEPT];
+    float4 fetched[WIDE * KEPT];
     for (int k = 0; k < SUMS; k++) s[k] = 0.0f;
     wfloat zero = 0.0f, one = 1.0f, pair_count = 0.0f, overlap = 0.0f;
     float ifx = 1.0f / c.fx, imfx = 1.0f / mc.fx, imfy = 1.0f / mc.fy, v = ((float)y - c.cy) / c.fy;
     /* of a ray, in the model's camera: what stays the same in a row */
     float rx = motion.x.y * v + motion.x.z, ry = motion.y.y * v + motion.y.z, rz = motion.z.y * v + motion.z.z;
-    for (int x = get_local_id(0) * WIDE; x < c.width; x += WIDE * GROUP) {
-        int i = AT(c, x, y);
-        wfloat z = WLOAD(depth + i);
-        wfloat confidence = WLOAD(normals + 3 * c.plane + i);
-        wint valid = confidence > zero;
-        wfloat u = ((float)x - c.cx + COLUMNS) * ifx;
-        wfloat px = (motion.x.x * u + rx) * z + motion.x.w;
-        wfloat py = (motion.y.x * u + ry) * z + motion.y.w;
-        wfloat pz = (motion.z.x * u + rz) * z + motion.z.w;
-        valid &= pz > 0.05f;
-        wfloat iz = 1.0f / SELECT(one, pz, valid);
-        wfloat fu = px * iz * mc.fx + (mc.cx + 0.5f), fv = py * iz * mc.fy + (mc.cy + 0.5f);
-        valid &= (fu >= 0.0f) & (fv >= 0.0f) & (fu < (float)mc.width) & (fv < (float)mc.height);
-        wint ui = WINT(SELECT(zero, fu, valid)), vi = WINT(SELECT(zero, fv, valid));
-        wfloat nx, ny, nz, mz;
-        gather_points(model, vi * mc.width + ui, &nx, &ny, &nz, &mz);
-        valid &= (mz > 0.0f) & ((nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f));
-        overlap += SELECT(zero, one, valid);
-        wfloat dx = (WFLOAT(ui) - mc.cx) * imfx * mz - px, dy = (WFLOAT(vi) - mc.cy) * imfy * mz - py, dz = mz - pz;
-        valid &= dx * dx + dy * dy + dz * dz < limits.distance2;
-        /* the scan's normal, turned into the model's camera */
-        wfloat qx = WLOAD(normals + i), qy = WLOAD(normals + c.plane + i), qz = WLOAD(normals + 2 * c.plane + i);
-        wfloat cosine = nx * (motion.x.x * qx + motion.x.y * qy + motion.x.z * qz) +
-                        ny * (motion.y.x * qx + motion.y.y * qy + motion.y.z * qz) +
-                        nz * (motion.z.x * qx + motion.z.y * qy + motion.z.z * qz);
-        valid &= cosine > limits.cos_angle;
-        wfloat b = nx * dx + ny * dy + nz * dz;
-        wfloat w = confidence * limits.huber / fmax(fabs(b), limits.huber);
-        /* an invalid lane may hold anything, NaN too: clear the factors, not only the weight */
-        wide_pairs *p = &pairs[kept++];
-        p->px = SELECT(zero, px - limits.centre.x, valid);
-        p->py = SELECT(zero, py - limits.centre.y, valid);
-        p->pz = SELECT(zero, pz - limits.centre.z, valid);
-        p->nx = SELECT(zero, nx, valid);
-        p->ny = SELECT(zero, ny, valid);
-        p->nz = SELECT(zero, nz, valid);
-        p->b = SELECT(zero, b, valid);
-        p->w = SELECT(zero, w, valid);
-        pair_count += SELECT(zero, one, valid);
-        if (kept < KEPT) continue;
-        accumulate(s, pairs, kept);
-        kept = 0;
+    for (int x0 = get_local_id(0) * WIDE * KEPT; x0 < c.width; x0 += WIDE * KEPT * GROUP) {
+        /* a stretch of the row goes through each of four stages, so that none waits for what another has begun */
+        int kept = min(KEPT, (c.width - x0 + WIDE - 1) / WIDE);
+        for (int g = 0; g < kept; g++) { /* 1: where the points lie, and in which pixel of the model */
+            int x = x0 + g * WIDE, i = AT(c, x, y);
+            wfloat z = WLOAD(depth + i), confidence = WLOAD(normals + 3 * c.plane + i);
+            wfloat u = ((float)x - c.cx + COLUMNS) * ifx;
+            wfloat px = (motion.x.x * u + rx) * z + motion.x.w;
+            wfloat py = (motion.y.x * u + ry) * z + motion.y.w;
+            wfloat pz = (motion.z.x * u + rz) * z + motion.z.w;
+            wint valid = (confidence > zero) & (pz > 0.05f);
+            wfloat iz = 1.0f / SELECT(one, pz, valid);
+            wfloat fu = px * iz * mc.fx + (mc.cx + 0.5f), fv = py * iz * mc.fy + (mc.cy + 0.5f);
+            valid &= (fu >= 0.0f) & (fv >= 0.0f) & (fu < (float)mc.width) & (fv < (float)mc.height);
+            wint ui = WINT(SELECT(zero, fu, valid)), vi = WINT(SELECT(zero, fv, valid));
+            WSTORE(vi * mc.width + ui, at + g * WIDE);
+            wide_pairs *p = &pairs[g];
+            p->px = px;
+            p->py = py;
+            p->pz = pz;
+            p->nx = (WFLOAT(ui) - mc.cx) * imfx; /* for now the pixel's ray */
+            p->ny = (WFLOAT(vi) - mc.cy) * imfy;
+            p->w = SELECT(zero, confidence, valid);
+        }
+        for (int k = 0; k < kept * WIDE; k++) fetched[k] = model[at[k]]; /* 2: fetch those */
+        for (int g = 0; g < kept; g++) { /* 3: which are pairs */
+            wide_pairs *p = &pairs[g];
+            int i = AT(c, x0 + g * WIDE, y);
+            wfloat nx, ny, nz, mz;
+            load_points(fetched + g * WIDE, &nx, &ny, &nz, &mz);
+            wint valid = (p->w > zero) & (mz > 0.0f) & ((nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f));
+            overlap += SELECT(zero, one, valid);
+            wfloat dx = p->nx * mz - p->px, dy = p->ny * mz - p->py, dz = mz - p->pz;
+            valid &= dx * dx + dy * dy + dz * dz < limits.distance2;
+            /* the scan's normal, turned into the model's camera */
+            wfloat qx = WLOAD(normals + i), qy = WLOAD(normals + c.plane + i), qz = WLOAD(normals + 2 * c.plane + i);
+            wfloat cosine = nx * (motion.x.x * qx + motion.x.y * qy + motion.x.z * qz) +
+                            ny * (motion.y.x * qx + motion.y.y * qy + motion.y.z * qz) +
+                            nz * (motion.z.x * qx + motion.z.y * qy + motion.z.z * qz);
+            valid &= cosine > limits.cos_angle;
+            wfloat b = nx * dx + ny * dy + nz * dz;
+            wfloat w = p->w * limits.huber / fmax(fabs(b), limits.huber);
+            /* an invalid lane may hold anything, NaN too: clear the factors, not only the weight */
+            p->px = SELECT(zero, p->px - limits.centre.x, valid);
+            p->py = SELECT(zero, p->py - limits.centre.y, valid);
+            p->pz = SELECT(zero, p->pz - limits.centre.z, valid);
+            p->nx = SELECT(zero, nx, valid);
+            p->ny = SELECT(zero, ny, valid);
+            p->nz = SELECT(zero, nz, valid);
+            p->b = SELECT(zero, b, valid);
+            p->w = SELECT(zero, w, valid);
+            pair_count += SELECT(zero, one, valid);
+        }
+        accumulate(s, pairs, kept); /* 4 */
     }
-    accumulate(s, pairs, kept);
     s[33] = pair_count;
     s[34] = overlap;
 #if GROUP > 1

@@ -116,13 +116,11 @@ inline void load_pairs(global const float *p, wfloat *even, wfloat *odd) {
 #endif
 }
 
-/* WIDE points, a float4 each, from anywhere. */
+/* WIDE points, a float4 each. */
 #if WIDE == 16
-inline void gather_points(global const float4 *from, int16 at, float16 *x, float16 *y, float16 *z, float16 *w) {
-    float16 a = (float16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3]); /* four are turned at a time */
-    float16 b = (float16)(from[at.s4], from[at.s5], from[at.s6], from[at.s7]);
-    float16 c = (float16)(from[at.s8], from[at.s9], from[at.sa], from[at.sb]);
-    float16 d = (float16)(from[at.sc], from[at.sd], from[at.se], from[at.sf]);
+inline void load_points(const float4 *from, float16 *x, float16 *y, float16 *z, float16 *w) {
+    const float *f = (const float *)from;
+    float16 a = vload16(0, f), b = vload16(1, f), c = vload16(2, f), d = vload16(3, f);
     float16 xz0 = (float16)(a.even, b.even), yw0 = (float16)(a.odd, b.odd);
     float16 xz1 = (float16)(c.even, d.even), yw1 = (float16)(c.odd, d.odd);
     *x = (float16)(xz0.even, xz1.even);
@@ -152,8 +150,8 @@ inline void store_pairs(int8 first, int8 second, int count, global uint2 *to) {
     for (int k = 0; k < count; k++) to[k] = (uint2)(both[2 * k], both[2 * k + 1]);
 }
 #else
-inline void gather_points(global const float4 *from, int at, float *x, float *y, float *z, float *w) {
-    float4 m = from[at];
+inline void load_points(const float4 *from, float *x, float *y, float *z, float *w) {
+    float4 m = *from;
     *x = m.x;
     *y = m.y;
     *z = m.z;
