@@ -11,7 +11,8 @@ void aligner_init(aligner *a, device *d, arena *block, const fathom_config *conf
     memset(a, 0, sizeof *a);
     a->config = config;
     for (int i = 0; i < FATHOM_LEVELS; i++)
-        device_buffer_make(d, block, (size_t)maps->camera[i].width * (size_t)maps->camera[i].height * 16,
+        device_buffer_make(d, block,
+                           (size_t)maps->camera[i].width * (size_t)maps->camera[i].height * sizeof(cl_uint2),
                            &a->model[i]);
     device_buffer_make(d, block, (size_t)maps->camera[FINEST].height * SUMS * 4, &a->sums);
     if (d->context) a->reduce = device_kernel(d, "align_reduce");

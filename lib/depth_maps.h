@@ -32,7 +32,7 @@ void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarse
 /* The same for the frame that was copied last. */
 void depth_maps_compute(depth_maps *m, device *d, int coarsest);
 
-/* Queues a level of the frame's maps in the form of a model map: a float4 a pixel, normal and depth. */
+/* Queues a level of the frame's maps in the form of a model map. */
 void depth_maps_pack(depth_maps *m, device *d, int level, device_buffer *packed);
 
 #endif

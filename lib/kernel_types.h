@@ -4,6 +4,7 @@
 
 #define CL_TARGET_OPENCL_VERSION 120
 #include <CL/cl.h>
+#include <string.h>
 
 #include "pose.h"
 
@@ -56,6 +57,19 @@ typedef struct {
     cl_uint mask;
     cl_float min_weight;
 } kernel_surface;
+
+/* A point of a model map: pack_point of opencl/common.cl. */
+typedef struct {
+    float normal[3], depth;
+} kernel_point;
+
+static inline kernel_point kernel_point_of(cl_uint2 packed) {
+    const cl_uint n = packed.s[0], bits[3] = {n & 0xffe00000u, n << 11 & 0xffe00000u, n << 22};
+    kernel_point p;
+    for (int i = 0; i < 3; i++) p.normal[i] = (float)(cl_int)bits[i] / 2145386496.0f;
+    memcpy(&p.depth, &packed.s[1], sizeof p.depth);
+    return p;
+}
 
 static inline kernel_camera kernel_camera_of(int width, int height, float fx, float fy, float cx, float cy) {
     kernel_camera c = {fx, fy, cx, cy, width, height, 0, 0};

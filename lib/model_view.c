@@ -13,7 +13,7 @@ void model_view_init(model_view *w, device *d, arena *a, const fathom_config *co
                                c->cx + (float)more_x, c->cy + (float)more_y);
     w->near_m = fmaxf(0.5f * config->depth_min_m, 0.05f);
     w->far_m = config->depth_max_m;
-    device_buffer_make(d, a, (size_t)w->wide.width * (size_t)w->wide.height * 16, &w->map);
+    device_buffer_make(d, a, (size_t)w->wide.width * (size_t)w->wide.height * sizeof(cl_uint2), &w->map);
 }
 
 void model_view_close(model_view *w) {
@@ -33,19 +33,19 @@ void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, c
     const kernel_camera *c = &w->same;
     memset(out, 0, sizeof *out);
     model_view_cast(w, d, v, camera_to_world);
-    const cl_float4 *model = device_map(d, &w->map, CL_MAP_READ);
+    const cl_uint2 *model = device_map(d, &w->map, CL_MAP_READ);
     const float *depth = device_map(d, &maps->depth[0], CL_MAP_READ);
     const float *normals = device_map(d, &maps->normals[0], CL_MAP_READ);
     for (int y = 0; model && depth && normals && y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
             int at = (y + PAD_Y) * c->pitch + x + PAD_X;
             float z = depth[at], weight = sqrtf(fminf(fmaxf(normals[3 * c->plane + at], 0), 1));
-            const cl_float4 *m = &model[y * c->width + x];
-            if (!(z > 0 && weight > 0 && m->s[3] > 0)) continue;
+            kernel_point m = kernel_point_of(model[y * c->width + x]);
+            if (!(z > 0 && weight > 0 && m.depth > 0)) continue;
             out->visible += weight;
-            float apart = z - m->s[3];
-            float slope =
-                m->s[0] * ((float)x - c->cx) / c->fx + m->s[1] * ((float)y - c->cy) / c->fy + m->s[2];
+            float apart = z - m.depth;
+            float slope = m.normal[0] * ((float)x - c->cx) / c->fx +
+                          m.normal[1] * ((float)y - c->cy) / c->fy + m.normal[2];
             float sigma = maps->noise.s[0] + maps->noise.s[1] * z * z;
             if (fabsf(apart * slope) < tolerance_m + 3 * sigma)
                 out->agree += weight;

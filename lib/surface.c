@@ -58,7 +58,7 @@ void surface_init(surface_output *s, device *d, arena *a, const depth_maps *maps
     device_buffer_make(d, a, SURFACE_BATCH * sizeof(cl_int), &s->counts);
     device_buffer_make(d, a, SURFACE_BATCH * sizeof(cl_int), &s->offsets);
     device_buffer_make(d, a, SURFACE_TRIANGLES * 18 * sizeof(float), &s->vertices);
-    device_buffer_make(d, a, (size_t)s->view_width * (size_t)s->view_height * 16, &s->view);
+    device_buffer_make(d, a, (size_t)s->view_width * (size_t)s->view_height * sizeof(cl_uint2), &s->view);
     if (!d->context) return;
     s->count = device_kernel(d, "count_triangles");
     s->emit = device_kernel(d, "emit_triangles");
@@ -168,12 +168,13 @@ int surface_view(surface_output *s, device *d, volume *v, const fathom_view *vie
             kernel_camera part =
                 kernel_camera_of(w, h, view->fx, view->fy, view->cx - (float)x0, view->cy - (float)y0);
             volume_raycast(v, d, &part, camera_to_world, near_m, far_m, &s->view);
-            float *map = device_map(d, &s->view, CL_MAP_READ);
+            cl_uint2 *map = device_map(d, &s->view, CL_MAP_READ);
             for (int i = 0; map && i < w * h; i++) {
                 size_t at = (size_t)(y0 + i / w) * (size_t)view->width + (size_t)(x0 + i % w);
-                if (depth) depth[at] = map[4 * i + 3];
-                if (normals) memcpy(normals + 3 * at, map + 4 * i, 3 * sizeof(float));
-                if (rgb) shade(map + 4 * i, map[4 * i + 3], rgb + 3 * at);
+                kernel_point m = kernel_point_of(map[i]);
+                if (depth) depth[at] = m.depth;
+                if (normals) memcpy(normals + 3 * at, m.normal, sizeof m.normal);
+                if (rgb) shade(m.normal, m.depth, rgb + 3 * at);
             }
             device_unmap(d, &s->view, map);
         }

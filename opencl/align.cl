@@ -83,13 +83,13 @@ inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
 /* Global size: GROUP, rows. Local size: GROUP, 1. sums: SUMS floats a row.
  * depth, normals: the scan's, padded. model: normal and depth, in the model camera mc. */
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void align_reduce(global const float *depth, global const float *normals, camera c, global const float4 *model,
+void align_reduce(global const float *depth, global const float *normals, camera c, global const uint2 *model,
                   camera mc, rigid motion, pair_limits limits, global float *sums) {
     int y = get_global_id(1);
     wfloat s[SUMS];
     wide_pairs pairs[KEPT];
     int at[WIDE * KEPT];
-    float4 fetched[WIDE * KEPT];
+    uint2 fetched[WIDE * KEPT];
     for (int k = 0; k < SUMS; k++) s[k] = 0.0f;
     wfloat zero = 0.0f, one = 1.0f, pair_count = 0.0f, overlap = 0.0f;
     float ifx = 1.0f / c.fx, imfx = 1.0f / mc.fx, imfy = 1.0f / mc.fy, v = ((float)y - c.cy) / c.fy;
@@ -123,9 +123,11 @@ void align_reduce(global const float *depth, global const float *normals, camera
         for (int g = 0; g < kept; g++) { /* 3: which are pairs */
             wide_pairs *p = &pairs[g];
             int i = AT(c, x0 + g * WIDE, y);
-            wfloat nx, ny, nz, mz;
-            load_points(fetched + g * WIDE, &nx, &ny, &nz, &mz);
-            wint valid = (p->w > zero) & (mz > 0.0f) & ((nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f));
+            wint normal, second;
+            load_points(fetched + g * WIDE, &normal, &second);
+            wfloat nx = NORMAL_UNIT * WFLOAT(NORMAL_X(normal)), ny = NORMAL_UNIT * WFLOAT(NORMAL_Y(normal));
+            wfloat nz = NORMAL_UNIT * WFLOAT(NORMAL_Z(normal)), mz = AS_WFLOAT(second);
+            wint valid = (p->w > zero) & (mz > 0.0f) & (normal != 0);
             overlap += SELECT(zero, one, valid);
             wfloat dx = p->nx * mz - p->px, dy = p->ny * mz - p->py, dz = mz - p->pz;
             valid &= dx * dx + dy * dy + dz * dz < limits.distance2;

@@ -116,28 +116,47 @@ inline void load_pairs(global const float *p, wfloat *even, wfloat *odd) {
 #endif
 }
 
-/* WIDE points, a float4 each. */
-#if WIDE == 16
-inline void load_points(const float4 *from, float16 *x, float16 *y, float16 *z, float16 *w) {
-    const float *f = (const float *)from;
-    float16 a = vload16(0, f), b = vload16(1, f), c = vload16(2, f), d = vload16(3, f);
-    float16 xz0 = (float16)(a.even, b.even), yw0 = (float16)(a.odd, b.odd);
-    float16 xz1 = (float16)(c.even, d.even), yw1 = (float16)(c.odd, d.odd);
-    *x = (float16)(xz0.even, xz1.even);
-    *y = (float16)(yw0.even, yw1.even);
-    *z = (float16)(xz0.odd, xz1.odd);
-    *w = (float16)(yw0.odd, yw1.odd);
+/* ---- a surface's points in eight bytes: the normal, in 11, 11 and 10 bits, and a number (a depth, or the plane's distance) */
+
+#define NORMAL_UNIT (1.0f / 2145386496.0f) /* 1023 * 2^21 and 511.5 * 2^22 */
+
+inline vint pack_normals(vfloat x, vfloat y, vfloat z) { /* z is never 1: they face the camera */
+    return (vnear(x * 1023.0f) << 21) | (vnear(y * 1023.0f) << 10 & 0x1ffc00) | (vnear(z * 511.5f) & 0x3ff);
 }
 
-inline void gather_pairs(global const uint2 *from, int16 at, int16 *first, int16 *second) {
+/* Their components over NORMAL_UNIT. */
+#define NORMAL_X(n) ((n) & (int)0xffe00000)
+#define NORMAL_Y(n) ((n) << 11 & (int)0xffe00000)
+#define NORMAL_Z(n) ((n) << 22)
+
+inline uint2 pack_point(float3 n, float depth) { /* without a normal all is zero */
+    int3 i = convert_int3_rtz(n * (float3)(1023.0f, 1023.0f, 511.5f) + 8192.5f) - 8192;
+    return (uint2)(i.x << 21 | (i.y << 10 & 0x1ffc00) | (i.z & 0x3ff), as_uint(depth));
+}
+
+inline float4 unpack_point(uint2 p) {
+    int n = p.x;
+    return (float4)(convert_float3((int3)(NORMAL_X(n), NORMAL_Y(n), NORMAL_Z(n))) * NORMAL_UNIT, as_float(p.y));
+}
+
+/* WIDE points in planes: from one place after the other, or from anywhere. */
+#if WIDE == 16
+inline void load_points(const uint2 *from, int16 *first, int16 *second) {
+    const int *f = (const int *)from;
+    int16 a = vload16(0, f), b = vload16(1, f);
+    *first = (int16)(a.even, b.even);
+    *second = (int16)(a.odd, b.odd);
+}
+
+inline void gather_points(global const uint2 *from, int16 at, int16 *first, int16 *second) {
     int16 a = as_int16((uint16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3], from[at.s4], from[at.s5], from[at.s6], from[at.s7]));
     int16 b = as_int16((uint16)(from[at.s8], from[at.s9], from[at.sa], from[at.sb], from[at.sc], from[at.sd], from[at.se], from[at.sf]));
     *first = (int16)(a.even, b.even);
     *second = (int16)(a.odd, b.odd);
 }
 
-/* The first `count` of LANES pairs, one after the other. */
-inline void store_pairs(int8 first, int8 second, int count, global uint2 *to) {
+/* The first `count` of LANES points to one place after the other. */
+inline void store_points(int8 first, int8 second, int count, global uint2 *to) {
     int16 pairs;
     pairs.even = first;
     pairs.odd = second;
@@ -150,21 +169,18 @@ inline void store_pairs(int8 first, int8 second, int count, global uint2 *to) {
     for (int k = 0; k < count; k++) to[k] = (uint2)(both[2 * k], both[2 * k + 1]);
 }
 #else
-inline void load_points(const float4 *from, float *x, float *y, float *z, float *w) {
-    float4 m = *from;
-    *x = m.x;
-    *y = m.y;
-    *z = m.z;
-    *w = m.w;
+inline void load_points(const uint2 *from, int *first, int *second) {
+    *first = from->x;
+    *second = from->y;
 }
 
-inline void gather_pairs(global const uint2 *from, int at, int *first, int *second) {
+inline void gather_points(global const uint2 *from, int at, int *first, int *second) {
     uint2 m = from[at];
     *first = m.x;
     *second = m.y;
 }
 
-inline void store_pairs(int first, int second, int count, global uint2 *to) {
+inline void store_points(int first, int second, int count, global uint2 *to) {
     *to = (uint2)(first, second);
 }
 #endif

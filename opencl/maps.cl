@@ -165,27 +165,27 @@ kernel void normal_map(global const float *depth, camera c, float2 noise, global
     }
 }
 
-/* A frame's maps in the model's form, normal and depth, so that it can be fused, and the next one aligned with it. The
- * normal is zero where the pixel has none. Global size: width, height. */
-kernel void pack_map(global const float *depth, global const float *normals, camera c, global float4 *packed) {
+/* A frame's maps in the model's form, normal and depth, so that the next one can be aligned with it. Global size: width,
+ * height. */
+kernel void pack_map(global const float *depth, global const float *normals, camera c, global uint2 *packed) {
     int x = get_global_id(0), y = get_global_id(1);
     int i = AT(c, x, y);
-    packed[y * c.width + x] = (float4)(normals[i], normals[c.plane + i], normals[2 * c.plane + i], depth[i]);
+    packed[y * c.width + x] = pack_point((float3)(normals[i], normals[c.plane + i], normals[2 * c.plane + i]), depth[i]);
 }
 
 /* The next coarser model map: of 2x2 pixels those near the nearest one are averaged.
  * Global size: width, height of the coarser map. */
-kernel void halve_map(global const float4 *fine, camera f, camera c, global float4 *coarse) {
+kernel void halve_map(global const uint2 *fine, camera f, camera c, global uint2 *coarse) {
     int x = get_global_id(0), y = get_global_id(1);
     float nearest = INFINITY;
     for (int k = 0; k < 4; k++) {
-        float z = fine[(2 * y + (k >> 1)) * f.width + 2 * x + (k & 1)].w;
+        float z = as_float(fine[(2 * y + (k >> 1)) * f.width + 2 * x + (k & 1)].y);
         if (z > 0.0f) nearest = fmin(nearest, z);
     }
     float4 sum = 0.0f;
     float count = 0.0f;
     for (int k = 0; k < 4; k++) {
-        float4 m = fine[(2 * y + (k >> 1)) * f.width + 2 * x + (k & 1)];
+        float4 m = unpack_point(fine[(2 * y + (k >> 1)) * f.width + 2 * x + (k & 1)]);
         if (m.w > 0.0f && m.w <= nearest * 1.02f + 0.01f) {
             sum += m;
             count += 1.0f;
@@ -193,5 +193,5 @@ kernel void halve_map(global const float4 *fine, camera f, camera c, global floa
     }
     float length2 = dot(sum.xyz, sum.xyz);
     coarse[y * c.width + x] =
-        count > 0.0f && length2 > 0.01f ? (float4)(sum.xyz * rsqrt(length2), sum.w / count) : (float4)(0.0f);
+        count > 0.0f && length2 > 0.01f ? pack_point(sum.xyz * rsqrt(length2), sum.w / count) : (uint2)(0);
 }

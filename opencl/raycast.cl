@@ -147,7 +147,7 @@ inline voxel_ray pixel_ray(surface f, camera c, rigid pose, int x, int y) {
     return r;
 }
 
-/* A hit as the model map has it: normal in camera axes and depth; zero when the surface is seen from behind. */
+/* A hit: normal in camera axes and depth; zero when the surface is seen from behind. */
 inline float4 model_point(rigid pose, voxel_ray r, float3 gradient, float depth) {
     float length2 = dot(gradient, gradient);
     if (!(length2 > 1e-8f)) return (float4)(0.0f);
@@ -217,11 +217,12 @@ inline float4 march(global const short *voxels, global const int4 *table, surfac
 /* The surface as the camera sees it: normal in camera axes, towards the camera, and depth; zero where nothing was met.
  * Global size: width, height. */
 kernel void raycast(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
-                    global const int *ranges, global float4 *model) {
+                    global const int *ranges, global uint2 *model) {
     int x = get_global_id(0), y = get_global_id(1);
     int tile = y / TILE * ((c.width + TILE - 1) / TILE) + x / TILE;
-    model[y * c.width + x] = march(voxels, table, f, pose, pixel_ray(f, c, pose, x, y), as_float(ranges[2 * tile]),
-                                   as_float(ranges[2 * tile + 1]));
+    float4 point = march(voxels, table, f, pose, pixel_ray(f, c, pose, x, y), as_float(ranges[2 * tile]),
+                         as_float(ranges[2 * tile + 1]));
+    model[y * c.width + x] = pack_point(point.xyz, point.w);
 }
 
 #define NEWTON_STEPS 4
@@ -242,7 +243,7 @@ kernel void raycast(global const short *voxels, global const int4 *table, surfac
  * voxels instead of a march. Where that fails, and `marched` isn't 0, the ray is marched from `reach` before the scan's
  * depth to as far behind. Global size: strips of LANES pixels a row, height. */
 kernel void raycast_near(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
-                         global const float *scan, float reach, int marched, global float4 *model) {
+                         global const float *scan, float reach, int marched, global uint2 *model) {
     int x0 = get_global_id(0) * LANES, y = get_global_id(1);
     vfloat z = VLOAD(scan + AT(c, x0, y)), t = z;
     vfloat u = ((float)x0 + IOTA - c.cx) / c.fx; /* of the rays, in camera axes, with z = 1 */
@@ -258,7 +259,7 @@ kernel void raycast_near(global const short *voxels, global const int4 *table, s
     int place = -1;
     for (int k = 0; k < NEWTON_STEPS && ANY(open); k++) {
         vfloat px = ox + sx * t, py = oy + sy * t, pz = oz + sz * t;
-        vfloat lx = floor(px), ly = floor(py), lz = floor(pz);
+        vfloat lx = VFLOAT(vfloor(px)), ly = VFLOAT(vfloor(py)), lz = VFLOAT(vfloor(pz));
         int go[LANES], ix[LANES], iy[LANES], iz[LANES];
         short8 cube[LANES];
         VSTORE(open, go);
@@ -285,7 +286,7 @@ kernel void raycast_near(global const short *voxels, global const int4 *table, s
         vfloat change = value / SELECT((vfloat)(1.0f), -slope, open);
         t = SELECT(t, t + change, open);
         open = open & (fabs(t - z) <= reach);
-        vint same = (floor(ox + sx * t) == lx) & (floor(oy + sy * t) == ly) & (floor(oz + sz * t) == lz); /* cube */
+        vint same = (VFLOAT(vfloor(ox + sx * t)) == lx) & (VFLOAT(vfloor(oy + sy * t)) == ly) & (VFLOAT(vfloor(oz + sz * t)) == lz); /* cube */
         vint close = open & (fabs(change) * speed < SELECT((vfloat)(NEWTON_CLOSE), (vfloat)(NEWTON_WITHIN), same));
         nx = SELECT(nx, gx, close);
         ny = SELECT(ny, gy, close);
@@ -299,19 +300,19 @@ kernel void raycast_near(global const short *voxels, global const int4 *table, s
     vfloat mz = (pose.x.z * nx + pose.y.z * ny + pose.z.z * nz) * inverse_length;
     vfloat zero = 0.0f;
     vint front = met & (mx * u + my * v + mz < 0.0f), ends = met | (z == 0.0f) | (marched == 0 ? -1 : 0);
-    float ax[LANES], ay[LANES], az[LANES], depth[LANES], start[LANES];
+    vint nothing = 0, normal = pack_normals(mx, my, mz);
+    global uint2 *points = model + y * c.width + x0;
+    int count = min(c.width - x0, LANES);
+    store_points(SELECT(nothing, normal, front), SELECT(nothing, AS_VINT(t), front), count, points);
+    if (!ANY(!ends)) return;
+    float start[LANES];
     int done[LANES];
-    VSTORE(SELECT(zero, mx, front), ax);
-    VSTORE(SELECT(zero, my, front), ay);
-    VSTORE(SELECT(zero, mz, front), az);
-    VSTORE(SELECT(zero, t, front), depth);
     VSTORE(z, start);
     VSTORE(ends, done);
-    for (int l = 0; l < LANES && x0 + l < c.width; l++) {
-        float4 point = (float4)(ax[l], ay[l], az[l], depth[l]);
-        if (!done[l])
-            point = march(voxels, table, f, pose, pixel_ray(f, c, pose, x0 + l, y), fmax(start[l] - reach, 0.05f),
-                          start[l] + reach);
-        model[y * c.width + x0 + l] = point;
+    for (int l = 0; l < count; l++) {
+        if (done[l]) continue;
+        float4 point = march(voxels, table, f, pose, pixel_ray(f, c, pose, x0 + l, y), fmax(start[l] - reach, 0.05f),
+                             start[l] + reach);
+        points[l] = pack_point(point.xyz, point.w);
     }
 }

@@ -6,7 +6,6 @@
 
 #define WEIGHT_ONE 64.0f
 #define WEIGHT_BITS 511 /* enough for a pixel's weight */
-#define NORMAL_UNIT (1.0f / 2145386496.0f) /* 1023 * 2^21, nearly 511 * 2^22 */
 #define BEHIND 1.0f /* truncations behind the surface along the ray that a pixel still speaks for */
 
 #define TILE_SLOTS 64 /* requests a tile may make */
@@ -88,7 +87,7 @@ inline float farthest_about(global const float *farthest, camera c, float3 m, fl
 
 /* What fusion needs of a pixel, in eight bytes: the plane that its depth and normal stand for, in camera axes, and its
  * weight. A point p is n . p - w metres in front of the plane. The weight is the depth's inverse variance and how squarely
- * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n in 11, 11 and 10 bits;
+ * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed;
  * w is made of that n, so that the plane holds the pixel's point. Second word: w, whose last bits are the weight.
  * Pixels without depth have an infinite w. Global size: work-items that share a row, height. */
 kernel void pack_planes(global const float *depth, global const float *normals, camera c, float2 noise,
@@ -105,12 +104,11 @@ kernel void pack_planes(global const float *depth, global const float *normals, 
         vfloat squarely = SELECT(quarter, (nx * rx + ny * ry + nz) * across, flat);
         vfloat sigma = noise.x + noise.y * d * d;
         vfloat weight = WEIGHT_ONE * sigma_1m * sigma_1m * squarely / (sigma * sigma);
-        vint bx = vnear(SELECT(rx * across, nx, flat) * 1023.0f), by = vnear(SELECT(ry * across, ny, flat) * 1023.0f);
-        vint bz = vnear(SELECT(across, nz, flat) * 511.0f);
-        vint normal = (bx << 21) | (by << 10 & 0x1ffc00) | (bz & 0x3ff);
-        vfloat w = NORMAL_UNIT * (VFLOAT(bx << 21) * rx + VFLOAT(by << 21) * ry + VFLOAT(bz << 22)) * d;
+        vint normal = pack_normals(SELECT(rx * across, nx, flat), SELECT(ry * across, ny, flat), SELECT(across, nz, flat));
+        vfloat w = VFLOAT(NORMAL_X(normal)) * rx + VFLOAT(NORMAL_Y(normal)) * ry + VFLOAT(NORMAL_Z(normal));
+        w *= NORMAL_UNIT * d;
         vint rounded = AS_VINT(SELECT(never, w - 0.5f / 32768.0f * fabs(w), d > 0.0f)) & ~WEIGHT_BITS;
-        store_pairs(normal, rounded | vnear(clamp(weight, 1.0f, 4.0f * WEIGHT_ONE)), min(c.width - x, LANES),
+        store_points(normal, rounded | vnear(clamp(weight, 1.0f, 4.0f * WEIGHT_ONE)), min(c.width - x, LANES),
                     planes + y * c.width + x);
     }
 }
@@ -162,8 +160,8 @@ kernel void fuse_blocks(global const uint2 *planes, camera c, global const float
         wint valid = (pz > 0.1f) & (u >= 0.0f) & (v >= 0.0f) & (u < (float)c.width) & (v < (float)c.height);
         if (!WANY(valid)) continue;
         wint normal, second;
-        gather_pairs(planes, SELECT(nowhere, WINT(v) * c.width + WINT(u), valid), &normal, &second);
-        wfloat nx = WFLOAT(normal & (int)0xffe00000), ny = WFLOAT(normal << 11 & (int)0xffe00000), nz = WFLOAT(normal << 22);
+        gather_points(planes, SELECT(nowhere, WINT(v) * c.width + WINT(u), valid), &normal, &second);
+        wfloat nx = WFLOAT(NORMAL_X(normal)), ny = WFLOAT(NORMAL_Y(normal)), nz = WFLOAT(NORMAL_Z(normal));
         /* a voxel's distance s is `along` the ray by s |p| / -n.p, which may be no more than `behind` */
         wfloat up = NORMAL_UNIT * (nx * px + ny * py + nz * pz), s = up - AS_WFLOAT(second & ~WEIGHT_BITS);
         wfloat limit = behind * up;

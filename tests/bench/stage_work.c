@@ -71,12 +71,12 @@ static int place_of(const cl_int4 *table, cl_uint mask, int x, int y, int z) {
 double work_cast_voxels(work_state *w, fathom *f) {
     const kernel_camera *c = &f->maps.camera[FINEST];
     const kernel_surface *s = &f->volume.surface;
-    const cl_float4 *model = device_map(&f->device, &f->aligner.model[FINEST], CL_MAP_READ);
+    const cl_uint2 *model = device_map(&f->device, &f->aligner.model[FINEST], CL_MAP_READ);
     const cl_int4 *table = device_map(&f->device, &f->volume.table, CL_MAP_READ);
     double count = 0;
     memset(w->lines, 0, w->voxel_bytes / LINE / 8 + 1);
     for (int i = 0; model && table && i < c->width * c->height; i++) {
-        double z = model[i].w,
+        double z = kernel_point_of(model[i]).depth,
                p[3] = {(i % c->width - c->cx) / c->fx * z, (i / c->width - c->cy) / c->fy * z, z};
         int at[3];
         if (z <= 0) continue;
