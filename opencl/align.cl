@@ -111,6 +111,11 @@ void align_reduce(global const float *depth, global const float *normals, camera
             valid &= (fu >= 0.0f) & (fv >= 0.0f) & (fu < (float)mc.width) & (fv < (float)mc.height);
             wint ui = WINT(SELECT(zero, fu, valid)), vi = WINT(SELECT(zero, fv, valid));
             WSTORE(vi * mc.width + ui, at + g * WIDE);
+            FETCH_AHEAD(depth + i + c.pitch);
+#pragma unroll
+            for (int k = 0; k < 4; k++) FETCH_AHEAD(normals + k * c.plane + i + c.pitch);
+            FETCH_AHEAD(model + at[g * WIDE] + mc.width);
+            FETCH_AHEAD(model + at[g * WIDE] + mc.width + WIDE / 2);
             wide_pairs *p = &pairs[g];
             p->px = px;
             p->py = py;
@@ -119,7 +124,9 @@ void align_reduce(global const float *depth, global const float *normals, camera
             p->ny = (WFLOAT(vi) - mc.cy) * imfy;
             p->w = SELECT(zero, confidence, valid);
         }
-        for (int k = 0; k < kept * WIDE; k++) fetched[k] = model[at[k]]; /* 2: fetch those */
+        for (int g = 0; g < kept; g++) /* 2: fetch those */
+#pragma unroll
+            for (int k = 0; k < WIDE; k++) fetched[g * WIDE + k] = model[at[g * WIDE + k]];
         for (int g = 0; g < kept; g++) { /* 3: which are pairs */
             wide_pairs *p = &pairs[g];
             int i = AT(c, x0 + g * WIDE, y);

@@ -185,6 +185,16 @@ inline void store_points(int first, int second, int count, global uint2 *to) {
 }
 #endif
 
+/* Asks for what the next row will need, where the device's compiler can: prefetch() does nothing in PoCL. */
+#if LANES == 8 && defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+#define FETCH_AHEAD(p) __builtin_prefetch((const void *)(size_t)(p))
+#endif
+#endif
+#ifndef FETCH_AHEAD
+#define FETCH_AHEAD(p)
+#endif
+
 #define TILE 8 /* side of the tiles that images are divided into, pixels */
 
 #define AT(c, px, py) (((py) + PAD_Y) * (c).pitch + (px) + PAD_X)
