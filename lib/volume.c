@@ -51,8 +51,8 @@ void volume_close(volume *v) {
                            v->range_blocks, v->raycast, v->raycast_near, v->halve_map};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i]) clReleaseKernel(kernels[i]);
-    device_buffer *buffers[] = {&v->voxels, &v->table,    &v->blocks, &v->requests,
-                                &v->counts, &v->farthest, &v->ranges};
+    device_buffer *buffers[] = {&v->voxels,   &v->table,  &v->blocks,   &v->seen,
+                                &v->requests, &v->counts, &v->farthest, &v->ranges};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++) device_buffer_free(buffers[i]);
 }
 
@@ -71,6 +71,14 @@ cl_int4 *volume_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
     while (table[h].w >= 0 && (table[h].x != b->x || table[h].y != b->y || table[h].z != b->z))
         h = (h + 1) & mask;
     return &table[h];
+}
+
+fathom_block volume_block(const volume *v, const cl_int4 *b, cl_short *voxels, int place) {
+    fathom_block block = {.voxel_m = v->surface.voxel, .truncation_m = v->surface.truncation};
+    for (int k = 0; k < 3; k++) block.index[k] = b->s[k];
+    block.distances = voxels + (size_t)place * 2 * BLOCK_VOXELS;
+    block.weights = (uint16_t *)block.distances + BLOCK_VOXELS;
+    return block;
 }
 
 int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
