@@ -501,9 +501,9 @@ FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom
  * Listed blocks come first, in that order, then the pool's. A listed block that is in the pool again is taken from there;
  * any other is asked for by block_in, as are neighbours, up to 20 times in all (least when the list goes along the
  * surface), and left out where that returns 0. The pool and what the caller keeps stay as they are, so the scan may go on.
- * Works in a pool of 512 blocks of its own (1 MB, within memory_cap_bytes, where FATHOM_FULL_DROP and block_in are set;
- * without them and with count > 0: FATHOM_ERROR_ARGUMENT, as for an index beyond +-2^27). Stepping thread. Returns the
- * number of triangles, or an error. */
+ * Works in a pool of 512 blocks of its own, in bounded memory (with FATHOM_FULL_DROP it takes 1 MB of memory_cap_bytes).
+ * FATHOM_ERROR_ARGUMENT for an index beyond +-2^27, or for count > 0 without FATHOM_FULL_DROP and block_in. Stepping
+ * thread. Returns the number of triangles, or an error. */
 FATHOM_API int64_t fathom_extract_whole_mesh(fathom *context, float min_weight, const int32_t *dropped, size_t count,
                                              fathom_triangles triangles, void *user);
 

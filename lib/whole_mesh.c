@@ -19,7 +19,7 @@ typedef struct {
 
 void whole_mesh_init(volume *patch, device *d, arena *a, const fathom_config *config) {
     memset(patch, 0, sizeof *patch);
-    if (config->when_full != FATHOM_FULL_DROP || !config->block_in) return;
+    if (config->when_full != FATHOM_FULL_DROP) return;
     device_buffer_make(d, a, (size_t)PATCH_BLOCKS * BLOCK_BYTES, &patch->voxels);
     device_buffer_make(d, a, PATCH_ENTRIES * sizeof(cl_int4), &patch->table);
     device_buffer_make(d, a, PATCH_BLOCKS * sizeof(cl_int4), &patch->blocks);

@@ -5,7 +5,7 @@
 
 #include "surface.h"
 
-/* Makes that pool where blocks may be dropped and given back. */
+/* Makes that pool where blocks may be dropped. */
 void whole_mesh_init(volume *patch, device *d, arena *a, const fathom_config *config);
 void whole_mesh_close(volume *patch);
 

@@ -13,10 +13,10 @@
 #define BLOCK (2 * PART)
 
 /* The scan goes on: what is lost is a piece of the surface, and only the first one is told. */
-static void lose(struct block_store *store, const char *what, int code) {
+static void lose(struct block_store *store, const char *what, const char *why) {
     if (store->lost++ == 0)
         cli_error(CLI_FAILED, "%s: a dropped block can't be %s: %s; such parts of the surface are lost, the scan goes on",
-                  store->path, what, code ? strerror(code) : "the file is too short");
+                  store->path, what, why);
 }
 
 /* ---- places -------------------------------------------------------------------------------------------- */
@@ -55,7 +55,7 @@ static bool grow(struct block_store *store) {
 static int keep(void *user, const fathom_block *block) {
     struct block_store *store = user;
     if (store->count == store->capacity && !grow(store)) {
-        lose(store, "kept", ENOMEM);
+        lose(store, "kept", strerror(ENOMEM));
         return 0;
     }
     uint32_t *entry = entry_of(store, block->index);
@@ -63,7 +63,7 @@ static int keep(void *user, const fathom_block *block) {
     const struct iovec parts[2] = {{block->distances, PART}, {block->weights, PART}};
     const ssize_t written = pwritev(store->fd, parts, 2, (off_t)(place * BLOCK));
     if (written != (ssize_t)BLOCK) {
-        lose(store, "kept", written < 0 ? errno : ENOSPC);
+        lose(store, "kept", written < 0 ? strerror(errno) : "no room for more");
         return 0;
     }
     if (*entry) return 0;
@@ -79,7 +79,7 @@ static int give_back(void *user, const fathom_block *block) {
     const struct iovec parts[2] = {{block->distances, PART}, {block->weights, PART}};
     const ssize_t got = preadv(store->fd, parts, 2, (off_t)((place - 1) * BLOCK));
     if (got == (ssize_t)BLOCK) return 1;
-    lose(store, "read back", got < 0 ? errno : 0);
+    lose(store, "read back", got < 0 ? strerror(errno) : "the file has become shorter");
     for (int i = 0; i < VOXELS; i++) block->distances[i] = INT16_MIN;
     memset(block->weights, 0, PART);
     return 0;
