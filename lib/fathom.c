@@ -329,7 +329,8 @@ int64_t fathom_extract_whole_mesh(fathom *f, float min_weight, const int32_t *dr
     if (count == 0) return fathom_extract_mesh(f, min_weight, triangles, user);
     if (!f || !triangles || !dropped || !(min_weight >= 0)) return FATHOM_ERROR_ARGUMENT;
     if (f->patch.capacity == 0 || !f->config.block_in) {
-        device_log(&f->config, FATHOM_LOG_ERROR, "a mesh of dropped blocks needs FATHOM_FULL_DROP and block_in");
+        device_log(&f->config, FATHOM_LOG_ERROR,
+                   "a mesh of dropped blocks needs FATHOM_FULL_DROP and block_in");
         return FATHOM_ERROR_ARGUMENT;
     }
     for (size_t i = 0; i < 3 * count; i++)

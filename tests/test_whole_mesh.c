@@ -56,8 +56,8 @@ static void walk(fathom *scan, int count) {
 
 static synthetic_mesh mesh_of(fathom *scan, const struct block_store *store, float min_weight) {
     synthetic_mesh mesh = {0};
-    int64_t n = fathom_extract_whole_mesh(scan, min_weight, store ? store->indices : NULL, store ? store->count : 0,
-                                          synthetic_triangles, &mesh);
+    int64_t n = fathom_extract_whole_mesh(scan, min_weight, store ? store->indices : NULL,
+                                          store ? store->count : 0, synthetic_triangles, &mesh);
     assert_true(n >= 0 && (size_t)n * 3 == mesh.count);
     return mesh;
 }
@@ -124,6 +124,12 @@ static void dropping_takes_no_triangle_and_doubles_none(void **state) {
         free(whole.vertices);
         free(whole_heavy.vertices);
     }
+    synthetic_mesh singly = {0}; /* each block with nothing beside it but its neighbours */
+    for (size_t i = 0; i < store.count; i++)
+        assert_true(fathom_extract_whole_mesh(s.scan, 0, store.indices + 3 * i, 1, synthetic_triangles,
+                                              &singly) >= 0);
+    assert_same_triangles(&before, &singly);
+    free(singly.vertices);
     free(before.vertices);
     free(heavy.vertices);
     stop(&s, &store);
@@ -142,7 +148,8 @@ static void a_list_may_name_too_much(void **state) {
     device_unmap(&s.scan->device, &s.scan->volume.blocks, blocks);
     int64_t n = fathom_extract_whole_mesh(s.scan, 0, listed, 3, synthetic_triangles, &whole);
     assert_true(n > 1000 && (size_t)n * 3 == whole.count && whole.count == plain.count);
-    assert_memory_equal(whole.vertices, plain.vertices, plain.count * sizeof *plain.vertices); /* in order, too */
+    assert_memory_equal(whole.vertices, plain.vertices,
+                        plain.count * sizeof *plain.vertices); /* in order, too */
     free(plain.vertices);
     free(whole.vertices);
     stop(&s, &store);
@@ -309,7 +316,8 @@ static void a_full_disk_loses_only_what_came_after(void **state) {
         assert_int_equal(s.scan->config.block_in(&store, &b), n < 100);
     }
     assert_int_equal(store.lost, 50);
-    assert_int_equal(ftruncate(store.fd, 10 * 2048), 0); /* a disk that loses data: told, and nothing made up */
+    assert_int_equal(ftruncate(store.fd, 10 * 2048),
+                     0); /* a disk that loses data: told, and nothing made up */
     fathom_block gone = block_of(distances, weights, 20);
     assert_int_equal(s.scan->config.block_in(&store, &gone), 0);
     assert_int_equal(store.lost, 51);
@@ -323,7 +331,8 @@ static void a_place_that_cant_be_written_is_known_at_once(void **state) {
     fathom_config c = settings(POOL), none = synthetic_config(&frames[0]);
     assert_false(block_store_open(&store, "/nonexistent/mesh.ply", &c));
     assert_null(store.path);
-    assert_true(block_store_open(&store, "/nonexistent/mesh.ply", &none)); /* where nothing is dropped there is no file */
+    assert_true(block_store_open(&store, "/nonexistent/mesh.ply",
+                                 &none)); /* where nothing is dropped there is no file */
     assert_null(none.block_out);
     block_store_close(&store);
 }

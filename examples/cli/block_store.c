@@ -15,7 +15,8 @@
 /* The scan goes on: what is lost is a piece of the surface, and only the first one is told. */
 static void lose(struct block_store *store, const char *what, const char *why) {
     if (store->lost++ == 0)
-        cli_error(CLI_FAILED, "%s: a dropped block can't be %s: %s; such parts of the surface are lost, the scan goes on",
+        cli_error(CLI_FAILED,
+                  "%s: a dropped block can't be %s: %s; such parts of the surface are lost, the scan goes on",
                   store->path, what, why);
 }
 
@@ -104,7 +105,8 @@ bool block_store_open(struct block_store *store, const char *beside, fathom_conf
     errno = ENOMEM;
     if (store->path) store->fd = mkstemp(store->path);
     if (store->fd < 0 || unlink(store->path)) {
-        cli_error(CLI_FAILED, "%s: a file for dropped blocks can't be made: %m", store->path ? store->path : "");
+        cli_error(CLI_FAILED, "%s: a file for dropped blocks can't be made: %m",
+                  store->path ? store->path : "");
         block_store_close(store);
         return false;
     }
@@ -118,8 +120,8 @@ bool block_store_report(const struct block_store *store, fathom *scan) {
     fathom_counters counters;
     if (!store->path || fathom_get_counters(scan, &counters)) return true;
     if (counters.blocks_dropped)
-        cli_note("%lld times a block of the surface made room for others, %lld times one came back; a file held up to "
-                 "%.1f MB of them",
+        cli_note("%lld blocks of the surface made room for others, %lld came back; the file that kept them "
+                 "took %.1f MB",
                  (long long)counters.blocks_dropped, (long long)counters.blocks_restored,
                  (double)(store->count * BLOCK) / (1 << 20));
     if (store->lost)

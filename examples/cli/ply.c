@@ -190,7 +190,8 @@ void ply_discard(struct ply *ply) {
     ply->window = NULL;
 }
 
-bool ply_write_surface(fathom *scan, const struct block_store *dropped, const char *path, struct cli_log *log) {
+bool ply_write_surface(fathom *scan, const struct block_store *dropped, const char *path,
+                       struct cli_log *log) {
     struct ply ply;
     if (!ply_open(&ply, path)) return false;
     log_clear(log);

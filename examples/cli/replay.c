@@ -205,6 +205,8 @@ static void finish(struct replay *replay) {
         replay->write_failed = true;
     if (options->picture && !picture_write(replay->playback.scan, &replay->path, options->picture))
         replay->write_failed = true;
+    if (options->picture && replay->dropped.count)
+        cli_note("%s: shows what is in memory, without what made room", options->picture);
     if (!block_store_report(&replay->dropped, replay->playback.scan)) replay->write_failed = true;
     say_counters(replay);
     say_rig(replay);
