@@ -34,12 +34,17 @@ static fathom_config settings(int blocks) {
 }
 
 /* A context that keeps what it drops beside the test program. */
-static synthetic_context start(struct block_store *store, int blocks) {
+static synthetic_context start_with(struct block_store *store, int blocks, fathom_buffers buffers) {
     char beside[4200];
     fathom_config c = settings(blocks);
+    c.buffers = buffers;
     snprintf(beside, sizeof beside, "%s/mesh.ply", synthetic_folder("store"));
     assert_true(block_store_open(store, beside, &c));
     return synthetic_start(&c);
+}
+
+static synthetic_context start(struct block_store *store, int blocks) {
+    return start_with(store, blocks, FATHOM_BUFFERS_AUTO);
 }
 
 static void stop(synthetic_context *s, struct block_store *store) {
@@ -103,10 +108,9 @@ static double area_of(const synthetic_mesh *mesh) {
 /* ---- the same surface, wherever its blocks are --------------------------------------------------------- */
 
 /* A scan with room for everything; then more and more of its blocks are sent out, and each time the mesh is the same. */
-static void dropping_takes_no_triangle_and_doubles_none(void **state) {
-    (void)state;
+static void drop_all_with(fathom_buffers buffers) {
     struct block_store store;
-    synthetic_context s = start(&store, 3000);
+    synthetic_context s = start_with(&store, 3000, buffers);
     walk(s.scan, FRAMES);
     synthetic_mesh before = mesh_of(s.scan, &store, 0), heavy = mesh_of(s.scan, &store, 0.5f);
     assert_int_equal(store.count, 0);
@@ -133,6 +137,16 @@ static void dropping_takes_no_triangle_and_doubles_none(void **state) {
     free(before.vertices);
     free(heavy.vertices);
     stop(&s, &store);
+}
+
+static void dropping_takes_no_triangle_and_doubles_none(void **state) {
+    (void)state;
+    drop_all_with(FATHOM_BUFFERS_HOST);
+}
+
+static void nor_where_the_device_has_its_own_buffers(void **state) {
+    (void)state;
+    drop_all_with(FATHOM_BUFFERS_DEVICE);
 }
 
 /* What is asked for in vain is left out; what is in the pool isn't doubled. */
@@ -346,6 +360,7 @@ static int setup(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(dropping_takes_no_triangle_and_doubles_none),
+        cmocka_unit_test(nor_where_the_device_has_its_own_buffers),
         cmocka_unit_test(a_list_may_name_too_much),
         cmocka_unit_test(nonsense_is_refused_and_stopping_leaves_nothing_behind),
         cmocka_unit_test(a_small_pool_gives_the_mesh_of_a_large_one),
