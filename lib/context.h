@@ -9,6 +9,7 @@
 #include "surface.h"
 #include "model_view.h"
 #include "volume.h"
+#include "whole_mesh.h"
 
 struct fathom {
     fathom_config config;
@@ -19,6 +20,7 @@ struct fathom {
     model_view view;
     inertial inertial;
     surface_output surface;
+    volume patch; /* of the whole mesh */
     int64_t arena_bytes;
 
     pose pose;             /* M of Figure 2: the last frame's camera to world */

@@ -25,14 +25,6 @@ static int cutoff(const volume *v, const cl_int *seen, int wanted) {
     return high;
 }
 
-static fathom_block block_at(const volume *v, const cl_int4 *place, cl_short *voxels, int i) {
-    fathom_block b = {.voxel_m = v->surface.voxel, .truncation_m = v->surface.truncation};
-    for (int k = 0; k < 3; k++) b.index[k] = place[i].s[k];
-    b.distances = voxels + (size_t)i * 2 * BLOCK_VOXELS;
-    b.weights = (uint16_t *)b.distances + BLOCK_VOXELS;
-    return b;
-}
-
 int eviction_make_room(volume *v, device *d, const fathom_config *config, int wanted) {
     if (wanted < v->capacity / SHARE) wanted = v->capacity / SHARE;
     cl_short *voxels = device_map(d, &v->voxels, CL_MAP_READ | CL_MAP_WRITE);
@@ -45,7 +37,7 @@ int eviction_make_room(volume *v, device *d, const fathom_config *config, int wa
         for (int i = 0; i < before; i++) {
             if (seen[i] < oldest && left > 0) {
                 left--;
-                fathom_block b = block_at(v, blocks, voxels, i);
+                fathom_block b = volume_block(v, &blocks[i], voxels, i);
                 if (config->block_out) config->block_out(config->block_user, &b);
                 continue;
             }
@@ -77,7 +69,7 @@ int eviction_restore(volume *v, device *d, const fathom_config *config, int firs
     cl_int4 *blocks = device_map(d, &v->blocks, CL_MAP_READ);
     int restored = 0;
     for (int i = first; voxels && blocks && i < v->count; i++) {
-        fathom_block b = block_at(v, blocks, voxels, i);
+        fathom_block b = volume_block(v, &blocks[i], voxels, i);
         restored += config->block_in(config->block_user, &b) != 0;
     }
     v->restored += restored;

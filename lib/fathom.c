@@ -58,6 +58,7 @@ static void layout(fathom *f, arena *a, int blocks) {
     surface_init(&f->surface, &f->device, a, &f->maps);
     model_view_init(&f->view, &f->device, a, &f->config, &f->maps);
     inertial_init(&f->inertial, a, &f->config);
+    whole_mesh_init(&f->patch, &f->device, a, &f->config);
     volume_init(&f->volume, &f->device, a, &f->config, &f->maps, blocks);
 }
 
@@ -119,6 +120,7 @@ int64_t fathom_memory_required(const fathom_config *config) {
 
 static void close_parts(fathom *f) {
     volume_close(&f->volume);
+    whole_mesh_close(&f->patch);
     surface_close(&f->surface);
     model_view_close(&f->view);
     aligner_close(&f->aligner);
@@ -319,4 +321,21 @@ int64_t fathom_extract_mesh(fathom *f, float min_weight, fathom_triangles triang
     if (!f || !triangles || !(min_weight >= 0)) return FATHOM_ERROR_ARGUMENT;
     if (f->device.error != FATHOM_OK) return f->device.error;
     return surface_extract(&f->surface, &f->device, &f->volume, min_weight, triangles, user);
+}
+
+int64_t fathom_extract_whole_mesh(fathom *f, float min_weight, const int32_t *dropped, size_t count,
+                                  fathom_triangles triangles, void *user) {
+    const int32_t most = 1 << 27; /* voxels are counted in 32 bits */
+    if (count == 0) return fathom_extract_mesh(f, min_weight, triangles, user);
+    if (!f || !triangles || !dropped || !(min_weight >= 0)) return FATHOM_ERROR_ARGUMENT;
+    if (f->patch.capacity == 0 || !f->config.block_in) {
+        device_log(&f->config, FATHOM_LOG_ERROR,
+                   "a mesh of dropped blocks needs FATHOM_FULL_DROP and block_in");
+        return FATHOM_ERROR_ARGUMENT;
+    }
+    for (size_t i = 0; i < 3 * count; i++)
+        if (dropped[i] < -most || dropped[i] > most) return FATHOM_ERROR_ARGUMENT;
+    if (f->device.error != FATHOM_OK) return f->device.error;
+    return whole_mesh_extract(&f->patch, &f->volume, &f->surface, &f->device, dropped, count, min_weight,
+                              triangles, user);
 }

@@ -163,7 +163,9 @@ typedef struct {
 
 /* Gets a block that is about to be dropped (read it), or one that is new (block_in: fill in distances and weights and
  * return 1 if the block was dropped earlier; return 0 and leave it as it is if not). Called on the stepping thread from
- * within fathom_step. What it returns means nothing for block_out. */
+ * within fathom_step, block_in also from within fathom_extract_whole_mesh. What it returns means nothing for block_out.
+ * A caller keeps the last copy of each index, also when it has given it back: a block that is dropped again comes through
+ * block_out again. After fathom_reset, what was kept is of another world. */
 typedef int (*fathom_block_hook)(void *user, const fathom_block *block);
 
 #define FATHOM_LEVELS 3 /* of the alignment pyramid: index 0 is the coarsest (a quarter), 2 the finest */
@@ -493,6 +495,17 @@ typedef int (*fathom_triangles)(void *user, const fathom_vertex *vertices, size_
  * in the order in which the blocks were made. Voxels seen with a summed weight below min_weight are left out (0: all).
  * Returns the number of triangles, or an error. */
 FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom_triangles triangles, void *user);
+
+/* The same with what was dropped (when_full): triangles of `dropped` and of the pool, without seams. dropped: the indices
+ * of the blocks that block_out got, three int32 each, count blocks, each once; the caller's, read during the call only.
+ * Listed blocks come first, in that order, then the pool's. A listed block that is in the pool again is taken from there;
+ * any other is asked for by block_in, as are neighbours, up to 20 times in all (least when the list goes along the
+ * surface), and left out where that returns 0. The pool and what the caller keeps stay as they are, so the scan may go on.
+ * Works in a pool of 512 blocks of its own, in bounded memory (with FATHOM_FULL_DROP it takes 1 MB of memory_cap_bytes).
+ * FATHOM_ERROR_ARGUMENT for an index beyond +-2^27, or for count > 0 without FATHOM_FULL_DROP and block_in. Stepping
+ * thread. Returns the number of triangles, or an error. */
+FATHOM_API int64_t fathom_extract_whole_mesh(fathom *context, float min_weight, const int32_t *dropped, size_t count,
+                                             fathom_triangles triangles, void *user);
 
 #ifdef __cplusplus
 }

@@ -75,6 +75,14 @@ cl_int4 *volume_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b) {
     return &table[h];
 }
 
+fathom_block volume_block(const volume *v, const cl_int4 *b, cl_short *voxels, int place) {
+    fathom_block block = {.voxel_m = v->surface.voxel, .truncation_m = v->surface.truncation};
+    for (int k = 0; k < 3; k++) block.index[k] = b->s[k];
+    block.distances = voxels + (size_t)place * 2 * BLOCK_VOXELS;
+    block.weights = (uint16_t *)block.distances + BLOCK_VOXELS;
+    return block;
+}
+
 int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
     kernel_rigid rigid = kernel_rigid_of(camera_to_world);
     cl_float block_m = v->surface.voxel * BLOCK_EDGE;

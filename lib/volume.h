@@ -41,6 +41,9 @@ void volume_clear(volume *v, device *d);
 /* The entry of block b in the table, or the free one where it belongs. */
 cl_int4 *volume_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b);
 
+/* Block b in place `place` of the mapped voxels, as callers see it. */
+fathom_block volume_block(const volume *v, const cl_int4 *b, cl_short *voxels, int place);
+
 /* Finds out which blocks the frame's surface needs and lacks; returns how many at most (neighbouring tiles may ask for the
  * same). */
 int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world);

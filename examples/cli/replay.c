@@ -1,4 +1,5 @@
 /* fathom replay: a recording goes through the library as it would have come from the rig. */
+#include "block_store.h"
 #include "camera_path.h"
 #include "cli.h"
 #include "disturb.h"
@@ -24,6 +25,7 @@ struct replay {
     fathom_recording *recording;
     struct disturb disturb;
     struct playback playback;
+    struct block_store dropped;
     uint16_t *pixels;
     struct trajectory trajectory;
     struct stats stats;
@@ -55,11 +57,12 @@ static int start_library(struct replay *replay) {
 }
 
 static int open_files(struct replay *replay) {
-    const struct replay_options *options = &replay->options;
+    struct replay_options *options = &replay->options;
     if (options->mesh && !cli_can_write(options->mesh)) return CLI_FAILED;
     if (options->picture && !cli_can_write(options->picture)) return CLI_FAILED;
     if (options->trajectory && !trajectory_open(&replay->trajectory, options->trajectory)) return CLI_FAILED;
     if (options->stats && !stats_open(&replay->stats, options->stats)) return CLI_FAILED;
+    if (!block_store_open(&replay->dropped, options->mesh, &options->settings.config)) return CLI_FAILED;
     return CLI_DONE;
 }
 
@@ -147,8 +150,6 @@ static void say_counters(const struct replay *replay) {
     if (fathom_get_counters(replay->playback.scan, &c)) return;
     if (c.imu_overrun)
         cli_warning("%" PRId64 " IMU samples found no room in the ring and were dropped", c.imu_overrun);
-    if (c.blocks_dropped)
-        cli_note("%lld blocks of the surface made room for others and aren't in the mesh", (long long)c.blocks_dropped);
     if (c.blocks_refused)
         cli_warning("%" PRId64 " blocks of the surface found no room: raise --memory or --voxel",
                     c.blocks_refused);
@@ -199,10 +200,14 @@ static void finish(struct replay *replay) {
     const struct replay_options *options = &replay->options;
     if (!trajectory_close(&replay->trajectory)) replay->write_failed = true;
     if (!stats_close(&replay->stats)) replay->write_failed = true;
-    if (options->mesh && !ply_write_surface(replay->playback.scan, options->mesh, &replay->log))
+    if (options->mesh &&
+        !ply_write_surface(replay->playback.scan, &replay->dropped, options->mesh, &replay->log))
         replay->write_failed = true;
     if (options->picture && !picture_write(replay->playback.scan, &replay->path, options->picture))
         replay->write_failed = true;
+    if (options->picture && replay->dropped.count)
+        cli_note("%s: shows what is in memory, without what made room", options->picture);
+    if (!block_store_report(&replay->dropped, replay->playback.scan)) replay->write_failed = true;
     say_counters(replay);
     say_rig(replay);
     print_summary(replay);
@@ -212,6 +217,7 @@ static void clean_up(struct replay *replay) {
     if (replay->trajectory.file) fclose(replay->trajectory.file);
     if (replay->stats.file) fclose(replay->stats.file);
     playback_stop(&replay->playback);
+    block_store_close(&replay->dropped);
     fathom_recording_close(replay->recording);
     free(replay->pixels);
     free(replay->path.points);

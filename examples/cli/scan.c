@@ -1,4 +1,5 @@
 /* fathom scan: live sources go through the library as they come. */
+#include "block_store.h"
 #include "cli.h"
 #include "live_rig.h"
 #include "log.h"
@@ -23,6 +24,7 @@ struct scan {
     fathom_memory_plan plan;
     void *memory;
     fathom *context;
+    struct block_store dropped;
     struct trajectory trajectory;
     struct stats stats;
     struct scan_report report;
@@ -64,10 +66,11 @@ static int start_library(struct scan *scan) {
 }
 
 static int open_files(struct scan *scan) {
-    const struct scan_options *options = &scan->options;
+    struct scan_options *options = &scan->options;
     if (options->mesh && !cli_can_write(options->mesh)) return CLI_FAILED;
     if (options->trajectory && !trajectory_open(&scan->trajectory, options->trajectory)) return CLI_FAILED;
     if (options->stats && !stats_open(&scan->stats, options->stats)) return CLI_FAILED;
+    if (!block_store_open(&scan->dropped, options->mesh, &options->settings.config)) return CLI_FAILED;
     if (!scan_report_start(&scan->report, options->live.json, options->live.progress))
         return cli_error(CLI_FAILED, "out of memory");
     return CLI_DONE;
@@ -137,8 +140,9 @@ static void finish(struct scan *scan) {
     const struct scan_options *options = &scan->options;
     if (!trajectory_close(&scan->trajectory)) scan->write_failed = true;
     if (!stats_close(&scan->stats)) scan->write_failed = true;
-    if (options->mesh && !ply_write_surface(scan->context, options->mesh, &scan->log))
+    if (options->mesh && !ply_write_surface(scan->context, &scan->dropped, options->mesh, &scan->log))
         scan->write_failed = true;
+    if (!block_store_report(&scan->dropped, scan->context)) scan->write_failed = true;
     scan_report_end(&scan->report, &scan->rig, &scan->plan);
 }
 
@@ -148,6 +152,7 @@ static void clean_up(struct scan *scan) {
     live_rig_close(&scan->rig);
     fathom_close(scan->context);
     free(scan->memory);
+    block_store_close(&scan->dropped);
     scan_report_free(&scan->report);
 }
 
