@@ -372,6 +372,11 @@ void device_wait(device *d) {
     if (e != CL_SUCCESS) failed(d, "waiting", e);
 }
 
+void device_flush(device *d) {
+    cl_int e = clFlush(d->queue);
+    if (e != CL_SUCCESS) failed(d, "starting", e);
+}
+
 cl_kernel device_kernel(device *d, const char *name) {
     cl_int e;
     cl_kernel k = clCreateKernel(d->program, name, &e);

@@ -66,6 +66,9 @@ void device_unmap(device *d, device_buffer *buffer, void *mapped);
 void device_clear(device *d, device_buffer *buffer);
 void device_wait(device *d);
 
+/* Starts what was queued, without waiting. */
+void device_flush(device *d);
+
 cl_kernel device_kernel(device *d, const char *name);
 
 typedef struct {

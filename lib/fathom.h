@@ -232,6 +232,9 @@ typedef struct {
     fathom_block_hook block_out, block_in; /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
     void *block_user;
     float max_weight;              /* observations a voxel averages over, at 1 m; older ones fade. Default 100 */
+    bool fuse_behind;              /* fathom_step returns as soon as the pose is known, and the frame goes into the surface while
+                                      the next one is on its way: the same poses, sooner. Whatever asks for the surface waits.
+                                      A device that fails meanwhile is told of by the next call. Default false */
 
     /* memory */
     int64_t memory_cap_bytes;      /* most bytes, host and device together. Default 128 MB (128 << 20) */
@@ -411,7 +414,8 @@ typedef struct {
     bool pool_full;            /* some of the surface had no room left in the pool (tracking goes on) */
     int blocks;                /* blocks in use */
     fathom_imu_health gyro_health, accel_health; /* of the inertial sensor so far */
-    float ms_maps, ms_align, ms_fuse, ms_raycast, ms_total; /* wall time of the stages */
+    float ms_maps, ms_align, ms_fuse, ms_raycast, ms_total; /* wall time of the stages; with fuse_behind, ms_fuse is what the
+                                  step itself took, and ms_maps may hold the rest of the frame before */
 } fathom_result;
 
 /* One turn of the paper's loop (Figure 2): maps of the depth frame, seed from the inertial estimate, alignment, verdict,

@@ -131,7 +131,10 @@ void fuse(fathom *f, const pose *at, fathom_result *r) {
         if (drop) eviction_restore(&f->volume, &f->device, &f->config, first);
     }
     volume_fuse(&f->volume, &f->device, &f->maps, at, calm);
-    device_wait(&f->device);
+    if (f->config.fuse_behind)
+        device_flush(&f->device);
+    else
+        device_wait(&f->device);
     r->fused = true;
     r->pool_full = f->volume.full;
     r->blocks_dropped = (int)(f->volume.dropped - dropped);

@@ -322,6 +322,35 @@ static void reset_starts_anew(void **state) {
     synthetic_stop(&s);
 }
 
+static void fusing_behind_changes_nothing_but_when(void **state) {
+    (void)state;
+    fathom_config c = logged();
+    synthetic_context at_once = synthetic_start(&c);
+    c.fuse_behind = true;
+    synthetic_context behind = synthetic_start(&c);
+    int next[2] = {0, 0};
+    for (int i = 0; i < FRAMES; i++) {
+        push_until(at_once.scan, &next[0], frames[i].timestamp_ns);
+        push_until(behind.scan, &next[1], frames[i].timestamp_ns);
+        fathom_result a = synthetic_step(at_once.scan, &frames[i]),
+                      b = synthetic_step(behind.scan, &frames[i]);
+        assert_memory_equal(a.pose, b.pose, sizeof a.pose);
+        assert_int_equal(a.blocks, b.blocks);
+        assert_true(b.fused);
+        if (i % 5) continue;
+        synthetic_mesh whole = mesh_of(at_once.scan),
+                       waited = mesh_of(behind.scan); /* right after the step */
+        assert_true(whole.count > 0 && whole.count == waited.count);
+        assert_memory_equal(whole.vertices, waited.vertices, whole.count * sizeof *whole.vertices);
+        free(whole.vertices);
+        free(waited.vertices);
+    }
+    synthetic_stop(&at_once);
+    assert_int_equal(fathom_reset(behind.scan), FATHOM_OK); /* with a fusion on its way */
+    synthetic_step(behind.scan, &frames[0]);
+    synthetic_stop(&behind);
+}
+
 /* ---- dead reckoning ----------------------------------------------------------------------------------------------- */
 
 static double trace(const float c[36], int from) {
@@ -528,6 +557,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(clocks_that_jump_leave_everything_finite),
         cmocka_unit_test(a_paused_scan_tracks_and_fuses_nothing),
         cmocka_unit_test(reset_starts_anew),
+        cmocka_unit_test(fusing_behind_changes_nothing_but_when),
         cmocka_unit_test(an_outage_is_reckoned_and_found_back_from),
         cmocka_unit_test(a_long_outage_is_called_lost),
         cmocka_unit_test(the_hook_replaces_the_estimate_when_it_has_one),

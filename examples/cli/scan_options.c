@@ -37,6 +37,7 @@ int scan_options_read(struct scan_options *out, int argc, char **argv) {
     *out = (struct scan_options){0};
     live_options_start(&out->live);
     settings_start(&out->settings);
+    out->settings.config.fuse_behind = true; /* the sooner the pose is known the better */
     while (options_next(&options)) {
         if (strcmp(options.name, "--help") == 0 || strcmp(options.name, "-h") == 0) {
             help();

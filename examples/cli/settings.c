@@ -26,10 +26,14 @@ const char settings_help[] =
     "                               frame lies within half a metre)\n"
     "    --memory MB                most memory, host and device together (default 128; MB is 2^20)\n"
     "    --when-full stop|drop      what happens when that memory holds no more surface: it stops growing\n"
-    "                               (default), or what was seen longest ago makes room: replay and scan keep\n"
-    "                               it in a file (2 KB a block; beside the mesh, else in $TMPDIR or /var/tmp;\n"
+    "                               (default), or what was seen longest ago makes room: replay and scan "
+    "keep\n"
+    "                               it in a file (2 KB a block; beside the mesh, else in $TMPDIR or "
+    "/var/tmp;\n"
     "                               without a name, gone at the end), give it back when the camera returns\n"
     "                               and put it into the mesh\n"
+    "    --fuse-behind on|off       the pose first, the surface while the next frame is on its way: the same\n"
+    "                               result, sooner (scan: on by default, else off)\n"
     "    --size WxH                 alignment resolution: the depth size over a whole number\n"
     "    --threads N                threads of the OpenCL device, where it lets them be set (PoCL)\n"
     "    --device NAME              part of an OpenCL platform's or device's name, or cpu, or gpu\n"
@@ -117,16 +121,17 @@ int settings_take(struct settings *settings, struct options *options) {
         MEMORY,
         PRESET,
         WHEN_FULL,
+        FUSE_BEHIND,
         SIZE,
         THREADS,
         DEVICE,
         KERNELS,
         KEYS
     };
-    static const char *const names[KEYS] = {"--depth-scale", "--intrinsics", "--translation", "--refine-rig",
-                                            "--against",     "--prior",      "--start",       "--iterations",
-                                            "--voxel",       "--memory",     "--preset",      "--when-full",
-                                            "--size",        "--threads",    "--device",      "--kernels"};
+    static const char *const names[KEYS] = {
+        "--depth-scale", "--intrinsics", "--translation", "--refine-rig", "--against", "--prior",
+        "--start",       "--iterations", "--voxel",       "--memory",     "--preset",  "--when-full",
+        "--fuse-behind", "--size",       "--threads",     "--device",     "--kernels"};
     fathom_config *config = &settings->config;
     int key = 0;
     while (key < KEYS && strcmp(names[key], options->name) != 0) key++;
@@ -185,6 +190,11 @@ int settings_take(struct settings *settings, struct options *options) {
         settings->memory = number;
         break;
     case PRESET: good = set_preset(name, value, settings); break;
+    case FUSE_BEHIND:
+        choice = take_choice(name, value, "on", "off");
+        good = choice >= 0;
+        config->fuse_behind = choice == 0;
+        break;
     case WHEN_FULL:
         choice = take_choice(name, value, "stop", "drop");
         good = choice >= 0;
