@@ -13,6 +13,7 @@ const kernel_check kernel_checks[] = {
     {"align_reduce, not finite", check_align_not_finite},
     {"request_blocks", check_request_blocks},
     {"clear_blocks", check_clear_blocks},
+    {"pack_planes", check_pack_planes},
     {"fuse_blocks", check_fuse_blocks},
     {"clear_ranges", check_clear_ranges},
     {"range_blocks", check_range_blocks},

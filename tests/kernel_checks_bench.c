@@ -183,9 +183,10 @@ float *bench_depth(bench *b, const kernel_camera *c, cl_float2 noise, image_kind
 
 int bench_sizes(const bench *b, const image_size **sizes) {
     static const image_size few[] = {{19, 11}, {72, 9}},
-                            many[] = {{37, 29}, {64, 48}, {131, 67}, {17, 3}, {1, 1}};
+                            many[] = {{37, 29}, {64, 48}, {131, 67}, {17, 3},  {1, 1},
+                                      {88, 10}, {84, 9},  {20, 17},  {176, 5}, {40, 6}};
     *sizes = b->small ? few : many;
-    return b->small ? 2 : 5;
+    return b->small ? 2 : 10;
 }
 
 /* ---- comparisons ------------------------------------------------------------------------------------------------- */

@@ -48,6 +48,10 @@ void bench_free(bench *b);
         }                                                                                                    \
     } while (0)
 
+/* The same as the library's RUN_ROWS: on a CPU a work-item takes a row. */
+#define LAUNCH_ROWS(b, name, columns, rows, ...)                                                             \
+    LAUNCH(b, name, (b)->d->cpu ? 1 : (size_t)(columns), (size_t)(rows), (b)->d->cpu ? 1 : 0, __VA_ARGS__)
+
 void *bench_alloc(size_t size); /* zeros; ends the program when there are none */
 
 /* ---- random input ---- */
@@ -71,7 +75,7 @@ typedef enum {
 float *bench_depth(bench *b, const kernel_camera *c, cl_float2 noise, image_kind kind);
 /* A padded plane whose pixels are all set to value and whose margin is zero. */
 float *bench_plane(const kernel_camera *c, int planes, float value);
-/* Sizes that are no multiples of eight or of tiles, and one that is. */
+/* Sizes that are no multiples of eight or of tiles, and some that are; widths with every kind of rest by sixteen. */
 typedef struct {
     int width, height;
 } image_size;
@@ -127,12 +131,13 @@ void compare_halve_map(bench *b, const float *fine, const kernel_camera *f);
 void compare_align_reduce(bench *b, const float *depth, float *normals, const kernel_camera *c,
                           const float *model, const kernel_camera *mc, const kernel_rigid *motion,
                           const kernel_pair_limits *limits);
-/* Pixels in doubt are made invalid (in depth) before the comparison. */
-void compare_request_blocks(bench *b, float *depth, const kernel_camera *c,
+void compare_request_blocks(bench *b, const float *depth, const kernel_camera *c,
                             const kernel_rigid *camera_to_world, bench_volume *v, float block_m);
-/* scan: as ref_pack_map makes it. */
-void compare_fuse_blocks(bench *b, const float *scan, const kernel_camera *c, cl_float2 noise,
-                         const kernel_rigid *world_to_camera, bench_volume *v, float max_weight);
+void compare_pack_planes(bench *b, const float *depth, const float *normals, const kernel_camera *c,
+                         cl_float2 noise);
+void compare_fuse_blocks(bench *b, const float *depth, const float *normals, const kernel_camera *c,
+                         cl_float2 noise, const kernel_rigid *world_to_camera, bench_volume *v,
+                         float max_weight);
 void compare_ranges(bench *b, bench_volume *v, const kernel_camera *c, const kernel_rigid *world_to_camera,
                     float near_m, float far_m);
 /* What is cast from where, and what is asked of it. */
@@ -159,6 +164,7 @@ check_result check_align_reduce(device *d, char *why, size_t size);
 check_result check_align_not_finite(device *d, char *why, size_t size);
 check_result check_request_blocks(device *d, char *why, size_t size);
 check_result check_clear_blocks(device *d, char *why, size_t size);
+check_result check_pack_planes(device *d, char *why, size_t size);
 check_result check_fuse_blocks(device *d, char *why, size_t size);
 check_result check_clear_ranges(device *d, char *why, size_t size);
 check_result check_range_blocks(device *d, char *why, size_t size);

@@ -29,8 +29,8 @@ void compare_convert_depth(bench *b, const uint16_t *raw, const kernel_depth_sou
     uint8_t *doubt = bench_alloc(pixels(c));
     cl_mem in = bench_buffer(b, (size_t)s->width * (size_t)s->height * sizeof *raw, raw);
     cl_mem out = bench_buffer(b, plane_bytes(c), got);
-    LAUNCH(b, "convert_depth", (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(in), ARG(*s), ARG(*c),
-           ARG(noise), ARG(out));
+    LAUNCH_ROWS(b, "convert_depth", (c->width + 7) / 8, c->height, ARG(in), ARG(*s), ARG(*c), ARG(noise),
+                ARG(out));
     bench_read(b, out, got, plane_bytes(c));
     ref_convert_depth(raw, s, c, noise, want, doubt);
     bench_compare_plane(b, "convert_depth", c, got, want, doubt, DEPTH_TOLERANCE, 0);
@@ -99,8 +99,7 @@ void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, 
     float *got = bench_plane(c, 1, UNWRITTEN), *want = bench_plane(c, 1, 0);
     cl_float reach = 4;
     cl_mem in = bench_buffer(b, plane_bytes(c), depth), out = bench_buffer(b, plane_bytes(c), got);
-    LAUNCH(b, "smooth_depth", (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(in), ARG(*c), ARG(noise),
-           ARG(reach), ARG(out));
+    LAUNCH_ROWS(b, "smooth_depth", c->width, c->height, ARG(in), ARG(*c), ARG(noise), ARG(reach), ARG(out));
     bench_read(b, out, got, plane_bytes(c));
     ref_smooth_depth(depth, c, noise, reach, want);
     /* 25 terms, all positive. A weight's own error is at most that of e, which shifts the mean by less than one part in
@@ -117,8 +116,7 @@ void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, cl
     float *got = bench_plane(&c, 1, UNWRITTEN), *want = bench_plane(&c, 1, 0);
     uint8_t *doubt = bench_alloc(pixels(&c));
     cl_mem in = bench_buffer(b, plane_bytes(f), fine), out = bench_buffer(b, plane_bytes(&c), got);
-    LAUNCH(b, "halve_depth", (size_t)c.width, (size_t)c.height, 0, ARG(in), ARG(*f), ARG(c), ARG(noise),
-           ARG(out));
+    LAUNCH_ROWS(b, "halve_depth", c.width, c.height, ARG(in), ARG(*f), ARG(c), ARG(noise), ARG(out));
     bench_read(b, out, got, plane_bytes(&c));
     ref_halve_depth(fine, f, &c, noise, want, doubt);
     bench_compare_plane(b, "halve_depth", &c, got, want, doubt, DEPTH_TOLERANCE, 0);
@@ -134,8 +132,7 @@ void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, cl
     float *got = bench_plane(c, 4, UNWRITTEN), *want = bench_plane(c, 4, 0);
     uint8_t *doubt = bench_alloc(pixels(c));
     cl_mem in = bench_buffer(b, plane_bytes(c), depth), out = bench_buffer(b, 4 * plane_bytes(c), got);
-    LAUNCH(b, "normal_map", (size_t)(c->width + 7) / 8, (size_t)c->height, 1, ARG(in), ARG(*c), ARG(noise),
-           ARG(out));
+    LAUNCH_ROWS(b, "normal_map", c->width, c->height, ARG(in), ARG(*c), ARG(noise), ARG(out));
     bench_read(b, out, got, 4 * plane_bytes(c));
     ref_normal_map(depth, c, noise, want, doubt);
     static const char *const names[4] = {"normal_map nx", "normal_map ny", "normal_map nz",

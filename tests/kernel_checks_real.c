@@ -20,28 +20,24 @@ static float *maps_of(bench *b, const uint16_t *raw, const kernel_depth_source *
     compare_normal_map(b, smooth, c, bench_noise);
     ref_normal_map(smooth, c, bench_noise, normals, NULL);
     compare_pack_map(b, depth, normals, c);
+    compare_pack_planes(b, depth, normals, c, bench_noise);
     free(smooth);
     return depth;
 }
 
-/* Blocks as the reference asks for them, without doubles, as the library would place them. */
+/* The blocks that the frame's rays meet, as the library would place them. */
 static void allocate(bench_volume *v, const float *depth, const kernel_camera *c,
                      const kernel_rigid *to_world) {
+    enum { MOST = 8192 };
     int tiles = ((c->width + TILE - 1) / TILE) * ((c->height + TILE - 1) / TILE);
-    cl_int4 *requests = bench_alloc((size_t)tiles * TILE_SLOTS * sizeof *requests);
-    int *counts = bench_alloc((size_t)tiles * sizeof *counts);
-    ref_volume none;
-    ref_volume_open(&none, v->blocks, 0, v->voxels, &v->surface);
-    ref_request_blocks(depth, c, to_world, v->surface.voxel * BLOCK_EDGE, v->surface.truncation, &none,
-                       requests, counts, NULL);
-    ref_volume_close(&none);
-    for (int i = 0; i < tiles; i++)
-        for (int k = 0; k < counts[i] && v->count < v->capacity; k++) {
-            const cl_int4 *r = &requests[i * TILE_SLOTS + k];
-            bench_volume_add(v, r->s[0], r->s[1], r->s[2]);
-        }
-    free(requests);
-    free(counts);
+    cl_int4 *met = bench_alloc(MOST * sizeof *met);
+    for (int i = 0; i < tiles; i++) {
+        int count = ref_met_blocks(depth, c, to_world, v->surface.voxel * BLOCK_EDGE, v->surface.truncation,
+                                   i, met, MOST);
+        for (int k = 0; k < count && v->count < v->capacity; k++)
+            bench_volume_add(v, met[k].s[0], met[k].s[1], met[k].s[2]);
+    }
+    free(met);
 }
 
 static void check_frames(bench *b, const fathom_recording *recording, uint16_t *raw) {
@@ -77,7 +73,8 @@ static void check_frames(bench *b, const fathom_recording *recording, uint16_t *
         bench_volume_add(&few, v.blocks[i].s[0], v.blocks[i].s[1], v.blocks[i].s[2]);
     compare_request_blocks(b, depth[0], &c, &to_world, &few, 0.08f);
     bench_volume_free(&few);
-    for (int i = 0; i < 2; i++) compare_fuse_blocks(b, model, &c, bench_noise, &to_camera, &v, 100);
+    for (int i = 0; i < 2; i++)
+        compare_fuse_blocks(b, depth[0], normals[0], &c, bench_noise, &to_camera, &v, 100);
     compare_ranges(b, &v, &c, &to_camera, 0.3f, 5);
     /* every ray costs the reference some tenths of a millisecond: the middle of the view will do */
     kernel_camera part = kernel_camera_of(120, 88, c.fx, c.fy, c.cx - 100, c.cy - 76);

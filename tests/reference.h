@@ -72,15 +72,35 @@ double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3])
 
 /* The largest depth of each tile. */
 void ref_tile_farthest(const float *depth, const kernel_camera *c, float *farthest);
-/* doubt: a byte a pixel of the depth. */
-void ref_request_blocks(const float *depth, const kernel_camera *c, const kernel_rigid *camera_to_world,
-                        double block_m, double truncation, ref_volume *v, cl_int4 *requests, int *counts,
-                        uint8_t *doubt);
+/* The blocks within the truncation band that the rays of a tile's sampled pixels meet, each once, whether they are there
+ * already or not; w: 1, or 0 where rounding decides. Returns how many, or -1 when there are more than most. */
+int ref_met_blocks(const float *depth, const kernel_camera *c, const kernel_rigid *camera_to_world,
+                   double block_m, double truncation, int tile, cl_int4 *met, int most);
 void ref_clear_blocks(int first, int count, int16_t *voxels);
-/* Fuses into voxels; scan: as ref_pack_map makes it; of the first settled blocks every other; doubt: a byte a voxel. */
-void ref_fuse_blocks(const float *scan, const kernel_camera *c, cl_float2 noise,
-                     const kernel_rigid *world_to_camera, double voxel, double truncation, double max_weight,
-                     const cl_int4 *blocks, int count, int settled, int turn, int16_t *voxels, uint8_t *doubt);
+
+/* What a pixel stands for in fusion: points p with n . p = w, in camera axes. w is infinite without depth. */
+typedef struct {
+    double n[3], w, weight;
+} ref_plane;
+
+/* The plane through the pixel's point, across its normal, or across its ray where it has none. weight: not rounded. */
+ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
+                       int x, int y);
+#define REF_WEIGHT_BITS 511u
+/* To eight bytes, and back. First: n in 11, 11 and 10 bits from the top, signed, in units of 1/1023, 1/1023 and 1/511.5.
+ * Second: w, a float whose last nine bits are the weight. w holds the same point with the n that is packed. */
+cl_uint2 ref_pack_plane(const ref_plane *plane);
+ref_plane ref_unpack_plane(cl_uint2 packed);
+/* Of a whole picture, row by row. */
+void ref_pack_planes(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
+                     cl_uint2 *planes);
+
+/* What fuse_blocks found of a voxel. */
+enum { REF_LEFT, REF_FUSED, REF_DOUBTFUL };
+/* Fuses into voxels; planes: packed; of the first settled blocks every other; outcomes: one of these a voxel. */
+void ref_fuse_blocks(const cl_uint2 *planes, const kernel_camera *c, const kernel_rigid *world_to_camera,
+                     double voxel, double truncation, double max_weight, const cl_int4 *blocks, int count,
+                     int settled, int turn, int16_t *voxels, uint8_t *outcomes);
 
 /* ---- opencl/raycast.cl, opencl/surface.cl (reference_surface.c) ---- */
 

@@ -97,29 +97,46 @@ double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3])
 
 /* A coordinate in blocks, after some five roundings in single precision. */
 #define BLOCK_SLACK(v) (1e-4 + 4e-7 * fabs(v))
+#define STEP_SLACK 0.01 /* a band as long as a whole number of steps mustn't become one more by rounding */
 
-/* Appends the blocks that a pixel's ray meets within the truncation band and that are neither there nor asked for. */
-static int request_pixel(const double origin[3], const double ray[3], double z, double block_m,
-                         double truncation, ref_volume *v, cl_int4 *slots, int count, bool *doubt) {
-    double reach = truncation / sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]);
-    double from[3], way[3], longest = 0;
-    for (int i = 0; i < 3; i++) {
-        from[i] = (origin[i] + ray[i] * (z - reach)) / block_m;
-        way[i] = 2 * ray[i] * reach / block_m;
-        longest = fmax(longest, fabs(way[i]));
-    }
-    /* in steps of half a block or less along the axis that changes most */
-    int steps = -ref_floor(-2 * longest, BLOCK_SLACK(longest), doubt);
-    for (int k = 0; k <= steps; k++) {
+/* Adds what a coordinate triple may round to: each axis is one of low, high. */
+static int add_met(const int low[3], const int high[3], bool sure, cl_int4 *met, int count, int most) {
+    for (int k = 0; k < 8 && count >= 0; k++) {
         cl_int4 b = {{0, 0, 0, 0}};
+        bool twice = false;
         for (int i = 0; i < 3; i++) {
-            double at = from[i] + way[i] * k / (steps ? steps : 1);
-            /* both ends of the band round as the camera's place does */
-            b.s[i] = ref_floor(at, BLOCK_SLACK(fabs(at) + fabs(origin[i] / block_m)), doubt);
+            b.s[i] = k >> i & 1 ? high[i] : low[i];
+            twice |= (k >> i & 1) && high[i] == low[i];
         }
-        bool known = count == TILE_SLOTS || ref_volume_place(v, b.s[0], b.s[1], b.s[2]) >= 0;
-        for (int j = 0; j < count && !known; j++) known = compare_blocks(&slots[j], &b) == 0;
-        if (!known) slots[count++] = b;
+        int j = count - 1;
+        if (twice) continue;
+        b.s[3] = sure && memcmp(low, high, 3 * sizeof *low) == 0;
+        while (j >= 0 && compare_blocks(&met[j], &b) != 0) j--;
+        if (j >= 0)
+            met[j].s[3] |= b.s[3];
+        else if (count == most)
+            count = -1;
+        else
+            met[count++] = b;
+    }
+    return count;
+}
+
+/* Adds the blocks that a ray meets within the truncation band, at points half a block or less apart. */
+static int met_by_ray(const double origin[3], const double ray[3], double z, double block_m,
+                      double truncation, bool sure, cl_int4 *met, int count, int most) {
+    double reach = truncation / sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]);
+    int steps = (int)ceil(4 * truncation / block_m - STEP_SLACK);
+    for (int k = 0; k <= steps && count >= 0; k++) {
+        int low[3], high[3];
+        for (int i = 0; i < 3; i++) {
+            double at = (origin[i] + ray[i] * (z + reach * (2.0 * k / steps - 1))) / block_m;
+            /* both ends of the band round as the camera's place does */
+            double slack = BLOCK_SLACK(fabs(at) + fabs(origin[i] / block_m));
+            low[i] = (int)floor(at - slack);
+            high[i] = (int)floor(at + slack);
+        }
+        count = add_met(low, high, sure, met, count, most);
     }
     return count;
 }
@@ -134,37 +151,31 @@ void ref_tile_farthest(const float *depth, const kernel_camera *c, float *farthe
         }
 }
 
-/* Pixels a third of a block apart are enough. */
-static int pixels_apart(const kernel_camera *c, float farthest, float block_m) {
-    int apart = (int)(c->fx * block_m / (3 * fmaxf(farthest, 0.01f)));
+/* Rows a third of a block apart are enough. */
+static int rows_apart(const kernel_camera *c, double farthest, double block_m) {
+    int apart = (int)(c->fx * block_m / (3 * fmax(farthest, 0.01)));
     return apart < 1 ? 1 : apart > 4 ? 4 : apart;
 }
 
-void ref_request_blocks(const float *depth, const kernel_camera *c, const kernel_rigid *camera_to_world,
-                        double block_m, double truncation, ref_volume *v, cl_int4 *requests, int *counts,
-                        uint8_t *doubt) {
-    int tiles_x = (c->width + TILE - 1) / TILE, tiles_y = (c->height + TILE - 1) / TILE;
-    double origin[3] = {camera_to_world->x.s[3], camera_to_world->y.s[3], camera_to_world->z.s[3]};
-    float *farthest = malloc((size_t)(tiles_x * tiles_y) * sizeof *farthest);
-    if (!farthest) abort();
-    ref_tile_farthest(depth, c, farthest);
-    for (int tile = 0; tile < tiles_x * tiles_y; tile++) {
-        int apart = pixels_apart(c, farthest[tile], (float)block_m);
-        counts[tile] = 0;
-        for (int k = 0; k < TILE * TILE; k++) {
-            int x = tile % tiles_x * TILE + k % TILE, y = tile / tiles_x * TILE + k / TILE;
-            if (x >= c->width || y >= c->height) continue;
+int ref_met_blocks(const float *depth, const kernel_camera *c, const kernel_rigid *camera_to_world,
+                   double block_m, double truncation, int tile, cl_int4 *met, int most) {
+    int tiles_x = (c->width + TILE - 1) / TILE, x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
+    double origin[3] = {camera_to_world->x.s[3], camera_to_world->y.s[3], camera_to_world->z.s[3]}, far = 0;
+    int count = 0;
+    for (int y = y0; y < y0 + TILE && y < c->height; y++)
+        for (int x = x0; x < x0 + TILE && x < c->width; x++) far = fmax(far, depth[ref_at(c, x, y)]);
+    int fewest = rows_apart(c, far * (1 - 1e-6), block_m), closest = rows_apart(c, far * (1 + 1e-6), block_m);
+    for (int y = y0; y < y0 + TILE && y < c->height; y++) {
+        bool one = (y - y0) % fewest == 0, other = (y - y0) % closest == 0;
+        for (int x = x0; (one || other) && x < x0 + TILE && x < c->width; x++) {
             double z = depth[ref_at(c, x, y)], ray[3];
-            bool unsure = false;
             ref_rotate(camera_to_world,
                        (double[]){(x - (double)c->cx) / c->fx, (y - (double)c->cy) / c->fy, 1}, ray);
-            if (z != 0 && k % TILE % apart == 0 && k / TILE % apart == 0)
-                counts[tile] = request_pixel(origin, ray, z, block_m, truncation, v,
-                                             requests + tile * TILE_SLOTS, counts[tile], &unsure);
-            if (doubt) doubt[y * c->width + x] = unsure;
+            if (z > 0 && count >= 0)
+                count = met_by_ray(origin, ray, z, block_m, truncation, one && other, met, count, most);
         }
     }
-    free(farthest);
+    return count;
 }
 
 void ref_clear_blocks(int first, int count, int16_t *voxels) {
@@ -172,20 +183,86 @@ void ref_clear_blocks(int first, int count, int16_t *voxels) {
         voxels[i] = i % (2 * BLOCK_VOXELS) < BLOCK_VOXELS ? REF_NEVER_SEEN : 0;
 }
 
-/* ---- fusion ------------------------------------------------------------------------------------------------------- */
+/* ---- planes ------------------------------------------------------------------------------------------------------- */
 
-#define PLACE_SLACK 1e-6 /* a voxel's place in camera axes, metres; of that, what it makes in the picture */
+#define MOST_WEIGHT (4 * WEIGHT_ONE)
 
 static double clamp(double v, double low, double high) {
     return fmin(fmax(v, low), high);
 }
 
-/* One voxel's running average (Curless and Levoy 1996, eq. 1 and 2) of its distance to the plane through the pixel's
- * surface point; without a normal, of the distance along the ray, at a quarter of the weight. False where the frame says
- * nothing about the voxel. */
-static bool fuse_voxel(const float *scan, const kernel_camera *c, cl_float2 noise, const double p[3],
-                       double truncation, double max_weight, int16_t *distance, uint16_t *weight,
-                       bool *doubt) {
+ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
+                       int x, int y) {
+    int at = ref_at(c, x, y);
+    double z = depth[at], ray[3] = {(x - (double)c->cx) / c->fx, (y - (double)c->cy) / c->fy, 1};
+    double length = sqrt(ray[0] * ray[0] + ray[1] * ray[1] + 1), squarely = 0;
+    ref_plane p = {{0, 0, 0}, INFINITY, 0};
+    if (!(z > 0)) return p;
+    bool flat = normals[2 * c->plane + at] != 0;
+    for (int i = 0; i < 3; i++) {
+        p.n[i] = flat ? normals[i * c->plane + at] : -ray[i] / length;
+        squarely -= p.n[i] * ray[i] / length;
+    }
+    p.w = -z * length * squarely;
+    /* inverse variance, 64 at 1 m */
+    double ratio = ref_sigma(noise, 1) / ref_sigma(noise, z);
+    p.weight = clamp(WEIGHT_ONE * ratio * ratio * (flat ? squarely : 0.25), 1, MOST_WEIGHT);
+    return p;
+}
+
+cl_uint2 ref_pack_plane(const ref_plane *plane) {
+    cl_uint2 packed;
+    ref_plane rough = {{rint(1023 * plane->n[0]), rint(1023 * plane->n[1]), rint(511 * plane->n[2])}, 0, 0};
+    packed.s[0] = ((cl_uint)(int)rough.n[0] & 0x7ff) << 21 | ((cl_uint)(int)rough.n[1] & 0x7ff) << 10 |
+                  ((cl_uint)(int)rough.n[2] & 0x3ff);
+    float w = (float)plane->w;
+    memcpy(&packed.s[1], &w, sizeof w);
+    packed.s[1] =
+        (packed.s[1] + REF_WEIGHT_BITS / 2 + 1) & ~REF_WEIGHT_BITS; /* the nearest; infinity stays */
+    packed.s[1] |= (cl_uint)rint(plane->weight);
+    return packed;
+}
+
+static double sign_extended(cl_uint v, int bits) {
+    return v >> (bits - 1) & 1 ? (double)v - (double)(1u << bits) : (double)v;
+}
+
+ref_plane ref_unpack_plane(cl_uint2 packed) {
+    ref_plane p = {{sign_extended(packed.s[0] >> 21, 11) / 1023,
+                    sign_extended(packed.s[0] >> 10 & 0x7ff, 11) / 1023,
+                    sign_extended(packed.s[0] & 0x3ff, 10) / 511.5},
+                   0,
+                   packed.s[1] & REF_WEIGHT_BITS};
+    cl_uint bits = packed.s[1] & ~REF_WEIGHT_BITS;
+    float w;
+    memcpy(&w, &bits, sizeof w);
+    p.w = w;
+    return p;
+}
+
+void ref_pack_planes(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
+                     cl_uint2 *planes) {
+    for (int i = 0; i < c->width * c->height; i++) {
+        int x = i % c->width, y = i / c->width;
+        double z = depth[ref_at(c, x, y)];
+        ref_plane p = ref_plane_of(depth, normals, c, noise, x, y);
+        ref_plane rough = ref_unpack_plane(ref_pack_plane(&p));
+        if (z > 0)
+            p.w = z * (rough.n[0] * (x - (double)c->cx) / c->fx + rough.n[1] * (y - (double)c->cy) / c->fy +
+                       rough.n[2]);
+        planes[i] = ref_pack_plane(&p);
+    }
+}
+
+/* ---- fusion ------------------------------------------------------------------------------------------------------- */
+
+#define PLACE_SLACK 1e-6 /* a voxel's place in camera axes, metres; of that, what it makes in the picture */
+
+/* One voxel's running average (Curless and Levoy 1996, eq. 1 and 2) of its distance to the plane that its pixel stands for,
+ * unless it lies a truncation or more behind that, straight or along its own ray. False where the frame says nothing about
+ * the voxel. */
+static bool fuse_voxel(const cl_uint2 *planes, const kernel_camera *c, const double p[3], double truncation,
+                       double max_weight, int16_t *distance, uint16_t *weight, bool *doubt) {
     if (!ref_below(0.1, p[2], 1e-5, doubt)) return false;
     double slack = c->fx * PLACE_SLACK * (1 + fabs(p[0]) + fabs(p[1]) + fabs(p[2])) / p[2] * 4 + 1e-4;
     double ray[3] = {p[0] / p[2], p[1] / p[2], 1}, length = sqrt(ray[0] * ray[0] + ray[1] * ray[1] + 1);
@@ -193,44 +270,34 @@ static bool fuse_voxel(const float *scan, const kernel_camera *c, cl_float2 nois
     if (!(fabs(column) < 1e6 && fabs(row) < 1e6)) return false;
     int x = ref_floor(column, slack, doubt), y = ref_floor(row, slack, doubt);
     if (x < 0 || y < 0 || x >= c->width || y >= c->height) return false;
-    const float *n = scan + 4 * (y * c->width + x);
-    double z = n[3], s = (z - p[2]) * length, squarely = 0.25;
-    if (!(z > 0) || !ref_below(-truncation, s, 2e-5, doubt)) return false;
-    if (n[2] != 0) {
-        double surface[3] = {(x - (double)c->cx) / c->fx * z, (y - (double)c->cy) / c->fy * z, z};
-        s = squarely = 0;
-        for (int i = 0; i < 3; i++) {
-            s += n[i] * (p[i] - surface[i]);
-            squarely -= n[i] * ray[i] / length;
-        }
-        if (!ref_below(-truncation, s, 2e-5, doubt)) return false;
-    }
-    /* inverse variance, 64 at 1 m */
-    double ratio = ref_sigma(noise, 1) / ref_sigma(noise, z), w = WEIGHT_ONE * ratio * ratio * squarely;
-    (void)ref_floor(w + 0.5, 1e-5 + 1e-5 * fabs(w), doubt);
-    w = clamp(rint(w), 1, 4 * WEIGHT_ONE);
-    double mean = ((*weight ? *distance * (double)*weight : 0) + clamp(s / truncation, -1, 1) * 32767 * w) /
-                  (*weight + w);
+    ref_plane n = ref_unpack_plane(planes[y * c->width + x]);
+    double s = n.n[0] * p[0] + n.n[1] * p[1] + n.n[2] * p[2] - n.w;
+    double slope = fabs(n.n[0] * ray[0] + n.n[1] * ray[1] + n.n[2] * ray[2]) / length;
+    if (isinf(n.w) || !ref_below(-truncation, s, 2e-5, doubt)) return false;
+    if (!ref_below(-truncation * slope, s, 2e-5, doubt)) return false;
+    double mean =
+        ((*weight ? *distance * (double)*weight : 0) + clamp(s / truncation, -1, 1) * 32767 * n.weight) /
+        (*weight + n.weight);
     *distance = (int16_t)rint(mean);
-    *weight = (uint16_t)fmin(*weight + w, max_weight * WEIGHT_ONE);
+    *weight = (uint16_t)fmin(*weight + n.weight, max_weight * WEIGHT_ONE);
     return true;
 }
 
-void ref_fuse_blocks(const float *scan, const kernel_camera *c, cl_float2 noise,
-                     const kernel_rigid *world_to_camera, double voxel, double truncation, double max_weight,
-                     const cl_int4 *blocks, int count, int settled, int turn, int16_t *voxels,
-                     uint8_t *doubt) {
+void ref_fuse_blocks(const cl_uint2 *planes, const kernel_camera *c, const kernel_rigid *world_to_camera,
+                     double voxel, double truncation, double max_weight, const cl_int4 *blocks, int count,
+                     int settled, int turn, int16_t *voxels, uint8_t *outcomes) {
     for (int i = 0; i < count * BLOCK_VOXELS; i++) {
         int block = i / BLOCK_VOXELS, k = i % BLOCK_VOXELS;
         int in[3] = {k % BLOCK_EDGE, k / BLOCK_EDGE % BLOCK_EDGE, k / (BLOCK_EDGE * BLOCK_EDGE)};
         int16_t *data = voxels + (size_t)block * 2 * BLOCK_VOXELS + k;
         double world[3], p[3];
         bool unsure = false;
-        if (doubt) doubt[i] = false;
+        outcomes[i] = REF_LEFT;
         if (block < settled && block % 2 != turn) continue;
         for (int a = 0; a < 3; a++) world[a] = (blocks[block].s[a] * BLOCK_EDGE + in[a]) * voxel;
         ref_transform(world_to_camera, world, p);
-        fuse_voxel(scan, c, noise, p, truncation, max_weight, data, (uint16_t *)data + BLOCK_VOXELS, &unsure);
-        if (doubt) doubt[i] = unsure;
+        bool fused =
+            fuse_voxel(planes, c, p, truncation, max_weight, data, (uint16_t *)data + BLOCK_VOXELS, &unsure);
+        outcomes[i] = unsure ? REF_DOUBTFUL : fused ? REF_FUSED : REF_LEFT;
     }
 }
