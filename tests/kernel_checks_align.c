@@ -18,16 +18,18 @@ void compare_align_reduce(bench *b, const float *depth, float *normals, const ke
     uint8_t *doubt = bench_alloc((size_t)c->width * (size_t)c->height);
     float *got = bench_alloc(bytes);
     memset(got, 0xff, bytes);
-    ref_align_reduce(depth, normals, c, model, mc, motion, limits, want, magnitudes, doubt);
+    float *packed = bench_alloc((size_t)mc->width * (size_t)mc->height * 16);
+    memcpy(packed, model, (size_t)mc->width * (size_t)mc->height * 16);
+    cl_mem model_memory = bench_model(b, mc->width * mc->height, packed);
+    ref_align_reduce(depth, normals, c, packed, mc, motion, limits, want, magnitudes, doubt);
     for (int i = 0; i < c->width * c->height; i++) {
         int at = 3 * c->plane + ref_at(c, i % c->width, i / c->width);
         if (doubt[i]) normals[at] = 0;
         *(doubt[i] ? &b->doubtful : &b->compared) += 1;
     }
-    ref_align_reduce(depth, normals, c, model, mc, motion, limits, want, magnitudes, NULL);
+    ref_align_reduce(depth, normals, c, packed, mc, motion, limits, want, magnitudes, NULL);
     cl_mem depth_memory = bench_buffer(b, (size_t)c->plane * 4, depth),
            normals_memory = bench_buffer(b, (size_t)c->plane * 16, normals),
-           model_memory = bench_buffer(b, (size_t)mc->width * (size_t)mc->height * 16, model),
            sums_memory = bench_buffer(b, bytes, got);
     LAUNCH(b, "align_reduce", (size_t)b->d->group, (size_t)c->height, (size_t)b->d->group, ARG(depth_memory),
            ARG(normals_memory), ARG(*c), ARG(model_memory), ARG(*mc), ARG(*motion), ARG(*limits),
@@ -38,6 +40,7 @@ void compare_align_reduce(bench *b, const float *depth, float *normals, const ke
         bench_near(b, "align_reduce: sum, row", i % SUMS, i / SUMS, got[i], want[i],
                    SUM_TOLERANCE * magnitudes[i]);
     bench_free(b);
+    free(packed);
     free(want);
     free(magnitudes);
     free(doubt);

@@ -96,6 +96,27 @@ void bench_read(bench *b, cl_mem memory, void *content, size_t size) {
         bench_fail(b, "a buffer can't be read");
 }
 
+cl_mem bench_model(bench *b, int count, float *model) {
+    size_t bytes = (size_t)count * sizeof(cl_uint2);
+    cl_uint2 *packed = bench_alloc(bytes);
+    memset(packed, 0xff, bytes);
+    if (model) {
+        ref_pack_model(model, count, packed);
+        ref_unpack_model(packed, count, model);
+    }
+    cl_mem memory = bench_buffer(b, bytes, packed);
+    free(packed);
+    return memory;
+}
+
+void bench_read_model(bench *b, cl_mem memory, int count, float *model) {
+    size_t bytes = (size_t)count * sizeof(cl_uint2);
+    cl_uint2 *packed = bench_alloc(bytes);
+    bench_read(b, memory, packed, bytes);
+    ref_unpack_model(packed, count, model);
+    free(packed);
+}
+
 void bench_free(bench *b) {
     if (b->d->error != FATHOM_OK) bench_fail(b, "OpenCL failed: %s", fathom_error_name(b->d->error));
     for (int i = 0; i < b->count; i++) {

@@ -35,6 +35,9 @@ void bench_fail(bench *b, const char *format, ...) __attribute__((format(printf,
 
 cl_mem bench_buffer(bench *b, size_t size, const void *content);
 void bench_read(bench *b, cl_mem memory, void *content, size_t size);
+/* A buffer with a model map (four floats a pixel); model becomes what is left of it after packing. NULL: not initialised. */
+cl_mem bench_model(bench *b, int count, float *model);
+void bench_read_model(bench *b, cl_mem memory, int count, float *model);
 void bench_free(bench *b);
 
 /* Runs a kernel and waits. */

@@ -27,6 +27,14 @@ double ref_sigma(cl_float2 noise, double z);
 
 /* ---- opencl/maps.cl (reference_maps.c): writes the pixels, never the margin ---- */
 
+/* A normal in 11, 11 and 10 bits from the top, signed, in units of 1/1023, 1/1023 and 1/511.5, and back. */
+cl_uint ref_pack_normal(const double n[3]);
+void ref_unpack_normal(cl_uint packed, double n[3]);
+#define REF_NORMAL_STEP (1 / 1023.0) /* most that z is off, and twice what x and y are */
+/* Model maps (four floats a pixel: normal, depth) as the kernels have them, and back. */
+void ref_pack_model(const float *model, int count, cl_uint2 *packed);
+void ref_unpack_model(const cl_uint2 *packed, int count, float *model);
+
 void ref_convert_depth(const uint16_t *raw, const kernel_depth_source *s, const kernel_camera *c,
                        cl_float2 noise, float *depth, uint8_t *doubt);
 void ref_smooth_depth(const float *depth, const kernel_camera *c, cl_float2 noise, double reach,
@@ -87,8 +95,8 @@ typedef struct {
 ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
                        int x, int y);
 #define REF_WEIGHT_BITS 511u
-/* To eight bytes, and back. First: n in 11, 11 and 10 bits from the top, signed, in units of 1/1023, 1/1023 and 1/511.5.
- * Second: w, a float whose last nine bits are the weight. w holds the same point with the n that is packed. */
+/* To eight bytes, and back. First: n (ref_pack_normal). Second: w, a float whose last nine bits are the weight. w holds the
+ * same point with the n that is packed. */
 cl_uint2 ref_pack_plane(const ref_plane *plane);
 ref_plane ref_unpack_plane(cl_uint2 packed);
 /* Of a whole picture, row by row. */

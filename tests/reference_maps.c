@@ -1,6 +1,7 @@
 #include "reference.h"
 
 #include <math.h>
+#include <string.h>
 
 /* ---- shared ------------------------------------------------------------------------------------------------- */
 
@@ -183,6 +184,42 @@ void ref_normal_map(const float *depth, const kernel_camera *c, cl_float2 noise,
 }
 
 /* ---- model maps --------------------------------------------------------------------------------------------------- */
+
+static const double most[3] = {1023, 1023, 511.5};
+static const int bits[3] = {11, 11, 10}, from[3] = {21, 10, 0};
+
+cl_uint ref_pack_normal(const double n[3]) {
+    cl_uint packed = 0;
+    for (int i = 0; i < 3; i++) {
+        double v = rint(most[i] * (isfinite(n[i]) && fabs(n[i]) <= 1 ? n[i] : -1));
+        packed |= ((cl_uint)(int)v & ((1u << bits[i]) - 1)) << from[i];
+    }
+    return packed;
+}
+
+void ref_unpack_normal(cl_uint packed, double n[3]) {
+    for (int i = 0; i < 3; i++) {
+        cl_uint v = packed >> from[i] & ((1u << bits[i]) - 1);
+        n[i] = (v >> (bits[i] - 1) ? (double)v - (double)(1u << bits[i]) : (double)v) / most[i];
+    }
+}
+
+void ref_pack_model(const float *model, int count, cl_uint2 *packed) {
+    for (int i = 0; i < count; i++) {
+        double n[3] = {model[4 * i], model[4 * i + 1], model[4 * i + 2]};
+        packed[i].s[0] = ref_pack_normal(n);
+        memcpy(&packed[i].s[1], &model[4 * i + 3], sizeof(float));
+    }
+}
+
+void ref_unpack_model(const cl_uint2 *packed, int count, float *model) {
+    for (int i = 0; i < count; i++) {
+        double n[3];
+        ref_unpack_normal(packed[i].s[0], n);
+        for (int k = 0; k < 3; k++) model[4 * i + k] = (float)n[k];
+        memcpy(&model[4 * i + 3], &packed[i].s[1], sizeof(float));
+    }
+}
 
 void ref_pack_map(const float *depth, const float *normals, const kernel_camera *c, float *packed) {
     for (int y = 0; y < c->height; y++)

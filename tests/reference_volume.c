@@ -212,9 +212,7 @@ ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_ca
 
 cl_uint2 ref_pack_plane(const ref_plane *plane) {
     cl_uint2 packed;
-    ref_plane rough = {{rint(1023 * plane->n[0]), rint(1023 * plane->n[1]), rint(511 * plane->n[2])}, 0, 0};
-    packed.s[0] = ((cl_uint)(int)rough.n[0] & 0x7ff) << 21 | ((cl_uint)(int)rough.n[1] & 0x7ff) << 10 |
-                  ((cl_uint)(int)rough.n[2] & 0x3ff);
+    packed.s[0] = ref_pack_normal(plane->n);
     float w = (float)plane->w;
     memcpy(&packed.s[1], &w, sizeof w);
     packed.s[1] =
@@ -223,20 +221,13 @@ cl_uint2 ref_pack_plane(const ref_plane *plane) {
     return packed;
 }
 
-static double sign_extended(cl_uint v, int bits) {
-    return v >> (bits - 1) & 1 ? (double)v - (double)(1u << bits) : (double)v;
-}
-
 ref_plane ref_unpack_plane(cl_uint2 packed) {
-    ref_plane p = {{sign_extended(packed.s[0] >> 21, 11) / 1023,
-                    sign_extended(packed.s[0] >> 10 & 0x7ff, 11) / 1023,
-                    sign_extended(packed.s[0] & 0x3ff, 10) / 511.5},
-                   0,
-                   packed.s[1] & REF_WEIGHT_BITS};
+    ref_plane p = {{0}, 0, packed.s[1] & REF_WEIGHT_BITS};
     cl_uint bits = packed.s[1] & ~REF_WEIGHT_BITS;
     float w;
     memcpy(&w, &bits, sizeof w);
     p.w = w;
+    ref_unpack_normal(packed.s[0], p.n);
     return p;
 }
 
