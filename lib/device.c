@@ -84,7 +84,10 @@ int device_choose(device *d, const fathom_config *config) {
     }
     d->buffers_in_block =
         config->buffers == FATHOM_BUFFERS_HOST || (config->buffers == FATHOM_BUFFERS_AUTO && d->cpu);
+    cl_uint vector = 1;
+    clGetDeviceInfo(d->id, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof vector, &vector, NULL);
     d->lanes = d->cpu ? 8 : 1;
+    d->wide = !d->cpu ? 1 : vector >= 16 ? 16 : 8;
     d->group = 1;
     if (!d->cpu) {
         size_t most = 1;
@@ -241,7 +244,8 @@ static void log_build(device *d, cl_int code) {
 
 static int program_build(device *d) {
     char options[128], path[580];
-    snprintf(options, sizeof options, "-cl-std=CL1.2 -DLANES=%d -DGROUP=%d", d->lanes, d->group);
+    snprintf(options, sizeof options, "-cl-std=CL1.2 -DLANES=%d -DWIDE=%d -DGROUP=%d", d->lanes, d->wide,
+             d->group);
     d->built_for = identity(d, options);
     d->to_cache = false;
     const char *given = d->config->kernel_file;

@@ -21,6 +21,7 @@ typedef struct {
     bool buffers_in_block; /* buffers lie in the caller's block */
     bool cpu;              /* kernels in their CPU shape: one work-item works on a strip by itself */
     int lanes;             /* pixels that a work-item works on at once (LANES in opencl/common.cl) */
+    int wide;              /* the same where more pay (WIDE) */
     int group;             /* work-items that share a row in align_reduce: 1 on a CPU */
     size_t device_bytes;   /* of buffers that don't lie in the block */
     int error;             /* the first failure: a fathom_error, or FATHOM_OK */

@@ -6,7 +6,7 @@
  *
  * A work-item owns a strip of pixels and keeps its sums in registers; strips depend on the device's kind only, never on
  * the number of threads, and the host adds them up in order in double precision: the result is the same to the last bit.
- * WIDE pixels are worked on at once: 16 on a CPU, where a strip is a row; 1 on a GPU, where GROUP work-items share a row
+ * WIDE pixels are worked on at once: 8 or 16 on a CPU, where a strip is a row; 1 on a GPU, where GROUP work-items share a row
  * and add up in local memory. */
 
 #ifndef GROUP
@@ -178,7 +178,11 @@ void align_reduce(global const float *depth, global const float *normals, camera
     for (int k = 0; k < SUMS; k++) sums[y * SUMS + k] = s[k];
 #else
     for (int k = 0; k < SUMS; k++) {
+#if WIDE == 16
         float8 h = s[k].lo + s[k].hi;
+#else
+        float8 h = s[k];
+#endif
         float4 q = h.lo + h.hi;
         sums[y * SUMS + k] = (q.x + q.y) + (q.z + q.w);
     }

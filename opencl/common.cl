@@ -24,11 +24,16 @@ typedef struct {
 #if LANES == 8
 typedef float8 vfloat;
 typedef int8 vint;
+typedef short8 vshort;
+typedef ushort8 vushort;
 #define VLOAD(p) vload8(0, p)
 #define VSTORE(v, p) vstore8(v, 0, p)
 #define VINT convert_int8
 #define VINT_FLOOR convert_int8_rtn
 #define VFLOAT convert_float8
+#define VSHORT convert_short8
+#define VUSHORT convert_ushort8
+#define AS_VFLOAT as_float8
 #define AS_VINT as_int8
 inline int any8(int8 v) { /* of comparisons; any() tests lane by lane */
     long2 q = as_long2(v.lo | v.hi);
@@ -40,11 +45,16 @@ inline int any8(int8 v) { /* of comparisons; any() tests lane by lane */
 #else
 typedef float vfloat;
 typedef int vint;
+typedef short vshort;
+typedef ushort vushort;
 #define VLOAD(p) (*(p))
 #define VSTORE(v, p) (*(p) = (v))
 #define VINT convert_int
 #define VINT_FLOOR convert_int_rtn
 #define VFLOAT convert_float
+#define VSHORT convert_short
+#define VUSHORT convert_ushort
+#define AS_VFLOAT as_float
 #define AS_VINT as_int
 #define IOTA 0.0f
 #define ANY(v) (v)
@@ -71,9 +81,11 @@ inline vint vleft(vint v) {
 #endif
 }
 
-/* Where more pay: 16 on a CPU, 1 on a GPU. */
-#if LANES == 8
-#define WIDE 16
+/* Where more pay: as many as the device has in a vector, 8 or 16 on a CPU; 1 on a GPU. */
+#ifndef WIDE
+#define WIDE LANES
+#endif
+#if WIDE == 16
 typedef float16 wfloat;
 typedef int16 wint;
 typedef short16 wshort;
@@ -88,20 +100,19 @@ typedef ushort16 wushort;
 #define WANY(v) any8((v).lo | (v).hi)
 #define COLUMNS ((float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 #else
-#define WIDE 1
-typedef float wfloat;
-typedef int wint;
-typedef short wshort;
-typedef ushort wushort;
+typedef vfloat wfloat;
+typedef vint wint;
+typedef vshort wshort;
+typedef vushort wushort;
 #define WLOAD VLOAD
 #define WSTORE VSTORE
-#define WINT convert_int_rtz
+#define WINT VINT
 #define WFLOAT VFLOAT
-#define WSHORT convert_short
-#define WUSHORT convert_ushort
-#define AS_WFLOAT as_float
+#define WSHORT VSHORT
+#define WUSHORT VUSHORT
+#define AS_WFLOAT AS_VFLOAT
 #define WANY ANY
-#define COLUMNS 0.0f
+#define COLUMNS IOTA
 #endif
 
 /* Two WIDE neighbours each: those in even and in odd places. */
@@ -110,6 +121,10 @@ inline void load_pairs(global const float *p, wfloat *even, wfloat *odd) {
     float16 a = vload16(0, p), b = vload16(1, p);
     *even = (float16)(a.even, b.even);
     *odd = (float16)(a.odd, b.odd);
+#elif WIDE == 8
+    float16 a = vload16(0, p);
+    *even = a.even;
+    *odd = a.odd;
 #else
     *even = p[0];
     *odd = p[1];
@@ -155,7 +170,33 @@ inline void gather_points(global const uint2 *from, int16 at, int16 *first, int1
     *second = (int16)(a.odd, b.odd);
 }
 
+#elif WIDE == 8
+inline void load_points(const uint2 *from, int8 *first, int8 *second) {
+    int16 a = vload16(0, (const int *)from);
+    *first = a.even;
+    *second = a.odd;
+}
+
+inline void gather_points(global const uint2 *from, int8 at, int8 *first, int8 *second) {
+    int16 a = as_int16((uint16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3], from[at.s4], from[at.s5], from[at.s6], from[at.s7]));
+    *first = a.even;
+    *second = a.odd;
+}
+#else
+inline void load_points(const uint2 *from, int *first, int *second) {
+    *first = from->x;
+    *second = from->y;
+}
+
+inline void gather_points(global const uint2 *from, int at, int *first, int *second) {
+    uint2 m = from[at];
+    *first = m.x;
+    *second = m.y;
+}
+#endif
+
 /* The first `count` of LANES points to one place after the other. */
+#if LANES == 8
 inline void store_points(int8 first, int8 second, int count, global uint2 *to) {
     int16 pairs;
     pairs.even = first;
@@ -169,17 +210,6 @@ inline void store_points(int8 first, int8 second, int count, global uint2 *to) {
     for (int k = 0; k < count; k++) to[k] = (uint2)(both[2 * k], both[2 * k + 1]);
 }
 #else
-inline void load_points(const uint2 *from, int *first, int *second) {
-    *first = from->x;
-    *second = from->y;
-}
-
-inline void gather_points(global const uint2 *from, int at, int *first, int *second) {
-    uint2 m = from[at];
-    *first = m.x;
-    *second = m.y;
-}
-
 inline void store_points(int first, int second, int count, global uint2 *to) {
     *to = (uint2)(first, second);
 }

@@ -107,7 +107,7 @@ kernel void pack_planes(global const float *depth, global const float *normals, 
         vint normal = pack_normals(SELECT(rx * across, nx, flat), SELECT(ry * across, ny, flat), SELECT(across, nz, flat));
         vfloat w = VFLOAT(NORMAL_X(normal)) * rx + VFLOAT(NORMAL_Y(normal)) * ry + VFLOAT(NORMAL_Z(normal));
         w *= NORMAL_UNIT * d;
-        vint rounded = AS_VINT(SELECT(never, w - 0.5f / 32768.0f * fabs(w), d > 0.0f)) & ~WEIGHT_BITS;
+        vint rounded = (AS_VINT(SELECT(never, w, d > 0.0f)) + WEIGHT_BITS / 2 + 1) & ~WEIGHT_BITS;
         store_points(normal, rounded | vnear(clamp(weight, 1.0f, 4.0f * WEIGHT_ONE)), min(c.width - x, LANES),
                     planes + y * c.width + x);
     }

@@ -27,7 +27,7 @@ const kernel_check kernel_checks[] = {
 const int kernel_check_count = sizeof kernel_checks / sizeof kernel_checks[0];
 
 int kernel_checks_open(device *d, fathom_config *config, const char *name, fathom_buffers buffers,
-                       bool gpu_shape, fathom_log log, void *log_user) {
+                       kernel_shape shape, fathom_log log, void *log_user) {
     *config = fathom_config_default();
     config->device = name;
     config->buffers = buffers;
@@ -35,9 +35,10 @@ int kernel_checks_open(device *d, fathom_config *config, const char *name, fatho
     config->log_user = log_user;
     int e = device_choose(d, config);
     if (e != FATHOM_OK) return e;
-    if (gpu_shape) { /* before the kernels are built */
+    if (shape == SHAPE_OTHER) d->wide = d->wide == 16 ? 8 : 16; /* before the kernels are built */
+    if (shape == SHAPE_GPU) {
         d->cpu = false;
-        d->lanes = 1;
+        d->lanes = d->wide = 1;
         d->group = 64;
     }
     return device_open(d);

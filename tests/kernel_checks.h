@@ -17,10 +17,13 @@ typedef struct {
 extern const kernel_check kernel_checks[];
 extern const int kernel_check_count;
 
+/* How the kernels are built: as the device has them, as for a CPU with vectors of eight where it has sixteen and the other
+ * way round (WIDE), or as for a GPU (LANES=1, WIDE=1, GROUP=64). A CPU can do all of them. */
+typedef enum { SHAPE_OWN, SHAPE_OTHER, SHAPE_GPU } kernel_shape;
+
 /* Opens a device for the checks: config is set to the default settings with this part of a platform's or device's name,
- * buffer mode and log, and must outlive the device. gpu_shape builds the kernels as for a GPU (LANES=1, GROUP=64) also
- * where the device is a CPU. FATHOM_OK or an error; nothing stays open after one. */
+ * buffer mode and log, and must outlive the device. FATHOM_OK or an error; nothing stays open after one. */
 int kernel_checks_open(device *d, fathom_config *config, const char *name, fathom_buffers buffers,
-                       bool gpu_shape, fathom_log log, void *log_user);
+                       kernel_shape shape, fathom_log log, void *log_user);
 
 #endif

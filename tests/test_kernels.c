@@ -33,15 +33,16 @@ typedef struct {
 typedef struct {
     const char *says;
     fathom_buffers buffers;
-    bool gpu_shape;
+    kernel_shape shape;
 } variant;
 
 static const variant variants[] = {
-    {"own shape, buffers as by default", FATHOM_BUFFERS_AUTO, false},
-    {"GPU's shape, buffers on the device", FATHOM_BUFFERS_DEVICE, true},
+    {"own shape, buffers as by default", FATHOM_BUFFERS_AUTO, SHAPE_OWN},
+    {"the other width, buffers as by default", FATHOM_BUFFERS_AUTO, SHAPE_OTHER},
+    {"GPU's shape, buffers on the device", FATHOM_BUFFERS_DEVICE, SHAPE_GPU},
 };
 
-#define VARIANTS 2
+#define VARIANTS 3
 #define MOST 8
 
 static place places[MOST];
@@ -92,7 +93,7 @@ static void runs_like_the_reference(void **state) {
         close_device();
         assert_int_equal(kernel_checks_open(&open_device, &open_config,
                                             j->at->alone ? j->at->platform : j->at->name, j->how->buffers,
-                                            j->how->gpu_shape, to_stderr, NULL),
+                                            j->how->shape, to_stderr, NULL),
                          FATHOM_OK);
         opened = j;
     }
