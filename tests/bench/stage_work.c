@@ -147,10 +147,8 @@ bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_
     *work = (stage_work){0};
     if (!strcmp(kernel, "convert_depth")) { /* a raw pixel: convert, scale, nearest, compare, sum, count */
         *work = (stage_work){2 * raw, 4 * pixels, 6 * raw + 4 * pixels};
-    } else if (
-        !strcmp(kernel,
-                "smooth_depth")) { /* 25 neighbours: five of the weight, its two factors, choice, two sums */
-        *work = (stage_work){4 * pixels, 4 * pixels, 25 * 10 * valid_pixels(f, level)};
+    } else if (!strcmp(kernel, "smooth_depth")) { /* 25 neighbours: the weight 5, two sums */
+        *work = (stage_work){4 * pixels, 4 * pixels, 25 * 7 * valid_pixels(f, level)};
     } else if (!strcmp(kernel, "halve_depth")) {
         *work = (stage_work){16 * pixels, 4 * pixels, 20 * pixels};
     } else if (!strcmp(kernel, "normal_map")) {
