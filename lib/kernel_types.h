@@ -73,7 +73,7 @@ static inline kernel_point kernel_point_of(cl_uint2 packed) {
 
 static inline kernel_camera kernel_camera_of(int width, int height, float fx, float fy, float cx, float cy) {
     kernel_camera c = {fx, fy, cx, cy, width, height, 0, 0};
-    c.pitch = (width + 7) / 8 * 8 + 2 * PAD_X;
+    c.pitch = (width + 15) / 16 * 16 + 2 * PAD_X; /* kernels take up to sixteen pixels at once */
     c.plane = c.pitch * (height + 2 * PAD_Y);
     return c;
 }

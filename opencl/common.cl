@@ -1,7 +1,8 @@
 /* What all kernels share: cameras, poses, padded images, the block hash. OpenCL C 1.2.
  *
  * Depth images and their like are planes of floats with a margin of PAD_X columns and PAD_Y rows of zeros (invalid) on
- * every side, so that a neighbourhood never leaves the buffer; AT gives a pixel's index. Model maps have no margin. */
+ * every side, and rows are filled up to a multiple of sixteen pixels, so that a neighbourhood never leaves the buffer; AT
+ * gives a pixel's index. Model maps have no margin. */
 
 #define PAD_X 8
 #define PAD_Y 2

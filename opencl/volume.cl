@@ -25,7 +25,7 @@ kernel void request_blocks(global const float *depth, camera c, rigid pose, floa
     vint nowhere = INT_MAX;
     float inverse = 1.0f / block_m, ifx = 1.0f / c.fx;
     float3 origin = (float3)(pose.x.w, pose.y.w, pose.z.w) * inverse;
-    int steps = convert_int_rtp(4.0f * truncation * inverse); /* half a block at most */
+    int steps = max(convert_int_rtp(4.0f * truncation * inverse - 0.01f), 1); /* half a block at most, but for rounding */
     for (int tile_x = get_global_id(0); tile_x < tiles_x; tile_x += get_global_size(0)) {
         int tile = get_global_id(1) * tiles_x + tile_x, x0 = tile_x * TILE, count = 0;
         global int4 *slots = requests + tile * TILE_SLOTS;

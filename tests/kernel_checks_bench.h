@@ -78,7 +78,7 @@ typedef enum {
 float *bench_depth(bench *b, const kernel_camera *c, cl_float2 noise, image_kind kind);
 /* A padded plane whose pixels are all set to value and whose margin is zero. */
 float *bench_plane(const kernel_camera *c, int planes, float value);
-/* Sizes that are no multiples of eight or of tiles, and some that are; widths with every kind of rest by sixteen. */
+/* Sizes that are no multiples of eight or of tiles, and some that are; widths whose last sixteen are filled to various parts. */
 typedef struct {
     int width, height;
 } image_size;

@@ -126,7 +126,7 @@ static int add_met(const int low[3], const int high[3], bool sure, cl_int4 *met,
 static int met_by_ray(const double origin[3], const double ray[3], double z, double block_m,
                       double truncation, bool sure, cl_int4 *met, int count, int most) {
     double reach = truncation / sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2]);
-    int steps = (int)ceil(4 * truncation / block_m - STEP_SLACK);
+    int steps = (int)fmax(ceil(4 * truncation / block_m - STEP_SLACK), 1);
     for (int k = 0; k <= steps && count >= 0; k++) {
         int low[3], high[3];
         for (int i = 0; i < 3; i++) {

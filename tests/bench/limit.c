@@ -15,7 +15,7 @@
 #include "stage_work.h"
 
 #define FIRST 10   /* frames that don't count: caches, a model that is still empty */
-#define KERNELS 24 /* most of them */
+#define KERNELS 32 /* most of them */
 #define SAMPLES 4096
 #define REPEATS 5 /* launches of the reduction in a row; the best one is "warm" */
 
@@ -23,7 +23,6 @@ enum { AS_IT_COMES, COLD, WARM, WAYS };
 
 typedef struct {
     char name[96]; /* and the size of its level, but for the finest */
-
     int launches;
     int timed[WAYS];
     float ms[WAYS][SAMPLES];
@@ -37,7 +36,8 @@ static struct {
     machine_limit machine;
     work_state work;
     kernel_times kernels[KERNELS];
-    kernel_times *cast; /* whose voxels are still to be counted */
+    kernel_times *cast; /* a ray-cast whose work is still to be counted */
+    stage_work cast_work;
     int frames;
 } watch;
 
@@ -67,6 +67,17 @@ static void keep(kernel_times *k, int way, double ms) {
     if (k->timed[way] < SAMPLES) k->ms[way][k->timed[way]++] = (float)ms;
 }
 
+static void count(kernel_times *k, const stage_work *work) {
+    k->counted++;
+    k->work.read += work->read;
+    k->work.written += work->written;
+    k->work.operations += work->operations;
+}
+
+static bool is_cast(const char *name) {
+    return !strcmp(name, "raycast") || !strcmp(name, "raycast_near");
+}
+
 /* A launch of the library's: waits before and after it. */
 static cl_int watched(enqueue_function next, cl_command_queue queue, cl_kernel kernel, cl_uint dimensions,
                       const size_t *global, const size_t *local) {
@@ -78,16 +89,18 @@ static cl_int watched(enqueue_function next, cl_command_queue queue, cl_kernel k
     clGetKernelInfo(kernel, CL_KERNEL_FUNCTION_NAME, sizeof name - 1, name, NULL);
     const bool reduction = !strcmp(name, "align_reduce");
     char label[96];
+    const int level = work_level(f, name, rows);
     snprintf(label, sizeof label, "%s", name);
-    for (int i = 0; i < FINEST; i++)
-        if (rows == (size_t)f->maps.camera[i].height)
-            snprintf(label, sizeof label, "%s %dx%d", name, f->maps.camera[i].width,
-                     f->maps.camera[i].height);
+    if (level < FINEST)
+        snprintf(label, sizeof label, "%s %dx%d", name, f->maps.camera[level].width,
+                 f->maps.camera[level].height);
     watch.f = NULL; /* what is launched from here on is our own */
     clFinish(queue);
     if (watch.cast) { /* by now the library has kept where it cast from */
-        if (reduction) watch.cast->work.read += work_cast_voxels(&watch.work, f);
-        if (reduction) watch.cast = NULL;
+        char cast[64] = "";
+        sscanf(watch.cast->name, "%63s", cast);
+        if (work_of_cast(&watch.work, f, cast, name, &watch.cast_work)) count(watch.cast, &watch.cast_work);
+        if (strcmp(name, "halve_map")) watch.cast = NULL; /* coarser maps come between */
     }
     if (!strcmp(name, "fuse_blocks")) work_before_fusion(&watch.work, f);
     if (watch.cold) machine_limit_evict(&watch.machine, &f->device);
@@ -104,12 +117,15 @@ static cl_int watched(enqueue_function next, cl_command_queue queue, cl_kernel k
         if (e == CL_SUCCESS) warm = fmin(warm, event_ms(event));
     }
     if (reduction && watch.counts) keep(k, WARM, warm);
-    if (e == CL_SUCCESS && watch.counts && work_of(&watch.work, f, name, global[0], rows, &work)) {
-        k->counted++;
-        k->work.read += work.read;
-        k->work.written += work.written;
-        k->work.operations += work.operations;
-        if (!strcmp(name, "raycast_near")) watch.cast = k;
+    if (e == CL_SUCCESS && watch.counts) {
+        if (!work_of(&watch.work, f, name, global[0], rows, &work))
+            fprintf(stderr, "limit: stage_work.c doesn't know %s\n", name);
+        else if (!is_cast(name))
+            count(k, &work);
+        else {
+            watch.cast = k;
+            watch.cast_work = work;
+        }
     }
     watch.f = f;
     return e;

@@ -75,6 +75,6 @@ def text(limits):
 NOTES = """The limit is the longer of two times: for the bytes that a kernel must at least move once (at the bandwidth
 of streams through buffers larger than the caches), and for the operations that it must at least do (at the rate of
 fused multiply-adds; an operation is one lane's, a fused multiply-add is one). Both are counted from each frame's data
-(tests/bench/stage_work.c); align_reduce counts its sums alone, neither projection nor gather. Times are the device's
-own, without the launch. Cold: the caches were flushed before. Again and again: everything is in the caches, so only the
-operations bound it.""".split("\n")
+(tests/bench/stage_work.c); align_reduce counts its sums alone, neither projection nor gather; ray-casts count one step
+a ray and the voxels about what it met. Times are the device's own, without the launch. Cold: the caches were
+flushed before. Again and again: everything is in the caches, so only the operations bound it.""".split("\n")
