@@ -122,7 +122,7 @@ void fuse(fathom *f, const pose *at, fathom_result *r) {
     bool calm = pose_distance(&way) < CALM_M && pose_angle(&way) < CALM_RAD;
     f->fused = *at;
     int64_t dropped = f->volume.dropped, restored = f->volume.restored;
-    int wanted = volume_request(&f->volume, &f->device, &f->maps, at);
+    int wanted = volume_request(&f->volume, &f->device, &f->maps, at, calm);
     if (wanted > 0) {
         bool drop = f->config.when_full == FATHOM_FULL_DROP;
         if (drop && f->volume.count + wanted > f->volume.capacity)

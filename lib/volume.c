@@ -83,14 +83,15 @@ fathom_block volume_block(const volume *v, const cl_int4 *b, cl_short *voxels, i
     return block;
 }
 
-int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world) {
+int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, bool calm) {
     kernel_rigid rigid = kernel_rigid_of(camera_to_world);
+    cl_int turn = calm ? v->frames & 1 : -1;
     cl_float block_m = v->surface.voxel * BLOCK_EDGE;
     v->full = false;
     size_t rows = (size_t)(maps->camera[FINEST].height + TILE - 1) / TILE, columns = (size_t)v->tiles / rows;
     RUN_ROWS(d, v->request, columns, rows, ARG(maps->depth[FINEST].memory), ARG(maps->camera[FINEST]),
              ARG(rigid), ARG(block_m), ARG(v->surface.truncation), ARG(v->table.memory), ARG(v->surface.mask),
-             ARG(v->requests.memory), ARG(v->counts.memory), ARG(v->farthest.memory));
+             ARG(v->requests.memory), ARG(v->counts.memory), ARG(v->farthest.memory), ARG(turn));
     cl_int *counts = device_map(d, &v->counts, CL_MAP_READ);
     int wanted = 0;
     for (int i = 0; counts && i < v->tiles; i++) wanted += counts[i];

@@ -45,8 +45,9 @@ cl_int4 *volume_entry(cl_int4 *table, cl_uint mask, const cl_int4 *b);
 fathom_block volume_block(const volume *v, const cl_int4 *b, cl_short *voxels, int place);
 
 /* Finds out which blocks the frame's surface needs and lacks; returns how many at most (neighbouring tiles may ask for the
- * same). */
-int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world);
+ * same). calm: the camera has hardly moved since the frame before, and half of the frame will do, the other half with the
+ * next one. */
+int volume_request(volume *v, device *d, depth_maps *maps, const pose *camera_to_world, bool calm);
 
 /* Gives them places as far as there are any, from the returned one on; they are new: nothing seen. */
 int volume_allocate(volume *v, device *d);

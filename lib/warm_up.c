@@ -14,7 +14,7 @@ void warm_up(fathom *f) {
                      centre, &e);
     }
     /* a block in front of the camera */
-    volume_request(v, d, &f->maps, &here);
+    volume_request(v, d, &f->maps, &here, false);
     volume_allocate(v, d);
     device_clear(d, &v->blocks);
     volume_clear_blocks(v, d, 0, 1);

@@ -43,8 +43,9 @@ inline float8 source_depths(global const ushort *raw, depth_source s, int x, int
         }
         units = vload8(0, v);
     }
-    float8 z = convert_float8(units) * s.metres_per_unit;
-    return select((float8)(0.0f), z, convert_int8((units != (ushort8)(0)) & (units != (ushort8)(65535))) & (z >= s.min_m) & (z <= s.max_m));
+    int8 u = convert_int8(units);
+    float8 z = convert_float8(u) * s.metres_per_unit;
+    return select((float8)(0.0f), z, (u != 0) & (u != 65535) & (z >= s.min_m) & (z <= s.max_m));
 }
 
 /* Metric depth, averaged over factor x factor pixels as far as they belong to the nearest surface among them.
@@ -58,17 +59,17 @@ kernel void convert_depth(global const ushort *raw, depth_source s, camera c, fl
             vstore8(select((float8)(0.0f), source_depths(raw, s, x, y, 0, 0), inside), 0, depth + AT(c, x, y));
             continue;
         }
-        float8 nearest = INFINITY;
+        float8 nearest = INFINITY, sum = 0.0f, count = 0.0f, few[4]; /* of a factor of two all are kept */
         for (int j = 0; j < s.factor; j++)
             for (int i = 0; i < s.factor; i++) {
                 float8 z = source_depths(raw, s, x, y, i, j);
+                if (s.factor == 2) few[2 * j + i] = z;
                 nearest = fmin(nearest, select((float8)(INFINITY), z, z > 0.0f));
             }
         float8 band = nearest + 4.0f * (noise.x + noise.y * nearest * nearest) + 0.005f * nearest;
-        float8 sum = 0.0f, count = 0.0f;
         for (int j = 0; j < s.factor; j++)
             for (int i = 0; i < s.factor; i++) {
-                float8 z = source_depths(raw, s, x, y, i, j);
+                float8 z = s.factor == 2 ? few[2 * j + i] : source_depths(raw, s, x, y, i, j);
                 int8 keep = (z > 0.0f) & (z <= band);
                 sum += select((float8)(0.0f), z, keep);
                 count += select((float8)(0.0f), (float8)(1.0f), keep);

@@ -14,10 +14,11 @@
  * and lists the missing blocks it meets, each once, in its own slots: no atomics, so nothing depends on the order of
  * threads. Tiles overlap in what they ask for; the host takes them in order and drops doubles. A tile with more than TILE_SLOTS asks
  * for the rest in the next frame. Of rows closer together than a third of a block every second, third or fourth will do.
+ * turn: only rows of tiles with an odd or even number (1, 0) ask; -1: all.
  * Global size: work-items that share a row of tiles, rows of tiles. requests: TILE_SLOTS int4 a tile; counts: one int a tile; farthest: the tile's largest depth. */
 kernel void request_blocks(global const float *depth, camera c, rigid pose, float block_m, float truncation,
                            global const int4 *table, uint mask, global int4 *requests, global int *counts,
-                           global float *farthest) {
+                           global float *farthest, int turn) {
     int tiles_x = (c.width + TILE - 1) / TILE;
     int y0 = get_global_id(1) * TILE, y1 = min(y0 + TILE, c.height);
     int4 met[8]; /* lately: blocks by whether their coordinates are odd, so that neighbours don't drive each other out */
@@ -34,6 +35,8 @@ kernel void request_blocks(global const float *depth, camera c, rigid pose, floa
         float4 half_most = fmax(most.lo, most.hi);
         float far = fmax(fmax(half_most.x, half_most.y), fmax(half_most.z, half_most.w));
         farthest[tile] = far;
+        counts[tile] = 0;
+        if (turn >= 0 && (get_global_id(1) & 1) != turn) continue;
         int apart = clamp(convert_int_rtz(c.fx * block_m / (3.0f * fmax(far, 0.01f))), 1, 4);
         for (int y = y0; y < y1; y += apart)
             for (int x = x0; x < x0 + TILE; x += LANES) {

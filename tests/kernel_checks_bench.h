@@ -135,7 +135,7 @@ void compare_align_reduce(bench *b, const float *depth, float *normals, const ke
                           const float *model, const kernel_camera *mc, const kernel_rigid *motion,
                           const kernel_pair_limits *limits);
 void compare_request_blocks(bench *b, const float *depth, const kernel_camera *c,
-                            const kernel_rigid *camera_to_world, bench_volume *v, float block_m);
+                            const kernel_rigid *camera_to_world, bench_volume *v, float block_m, cl_int turn);
 void compare_pack_planes(bench *b, const float *depth, const float *normals, const kernel_camera *c,
                          cl_float2 noise);
 void compare_fuse_blocks(bench *b, const float *depth, const float *normals, const kernel_camera *c,

@@ -71,7 +71,7 @@ static void check_frames(bench *b, const fathom_recording *recording, uint16_t *
     bench_volume_make(&few, 1000, 0.01f, 0.04f); /* some blocks are there already */
     for (int i = 0; i < v.count && few.count < 1000; i += 3)
         bench_volume_add(&few, v.blocks[i].s[0], v.blocks[i].s[1], v.blocks[i].s[2]);
-    compare_request_blocks(b, depth[0], &c, &to_world, &few, 0.08f);
+    compare_request_blocks(b, depth[0], &c, &to_world, &few, 0.08f, -1);
     bench_volume_free(&few);
     for (int i = 0; i < 2; i++)
         compare_fuse_blocks(b, depth[0], normals[0], &c, bench_noise, &to_camera, &v, 100);

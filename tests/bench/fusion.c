@@ -36,7 +36,7 @@ static void fuse_frame(fathom *f, const uint16_t *depth, const pose *at, double 
     depth_maps_make(&f->maps, &f->device, depth, FINEST);
     device_wait(&f->device);
     double made = now_ms();
-    if (volume_request(&f->volume, &f->device, &f->maps, at) > 0) volume_allocate(&f->volume, &f->device);
+    if (volume_request(&f->volume, &f->device, &f->maps, at, false) > 0) volume_allocate(&f->volume, &f->device);
     device_wait(&f->device);
     double allocated = now_ms();
     volume_fuse(&f->volume, &f->device, &f->maps, at, false);
