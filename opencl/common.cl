@@ -132,7 +132,7 @@ inline void load_pairs(global const float *p, wfloat *even, wfloat *odd) {
 #endif
 }
 
-/* ---- a surface's points in eight bytes: the normal, in 11, 11 and 10 bits, and a number (a depth, or the plane's distance) */
+/* ---- a surface's points in eight bytes: a normal in 11, 11 and 10 bits, and a float (a depth, a plane's distance) ---- */
 
 #define NORMAL_UNIT (1.0f / 2145386496.0f) /* 1023 * 2^21 and 511.5 * 2^22 */
 
@@ -165,8 +165,10 @@ inline void load_points(const uint2 *from, int16 *first, int16 *second) {
 }
 
 inline void gather_points(global const uint2 *from, int16 at, int16 *first, int16 *second) {
-    int16 a = as_int16((uint16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3], from[at.s4], from[at.s5], from[at.s6], from[at.s7]));
-    int16 b = as_int16((uint16)(from[at.s8], from[at.s9], from[at.sa], from[at.sb], from[at.sc], from[at.sd], from[at.se], from[at.sf]));
+    int16 a = as_int16((uint16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3],
+                               from[at.s4], from[at.s5], from[at.s6], from[at.s7]));
+    int16 b = as_int16((uint16)(from[at.s8], from[at.s9], from[at.sa], from[at.sb],
+                               from[at.sc], from[at.sd], from[at.se], from[at.sf]));
     *first = (int16)(a.even, b.even);
     *second = (int16)(a.odd, b.odd);
 }
@@ -179,7 +181,8 @@ inline void load_points(const uint2 *from, int8 *first, int8 *second) {
 }
 
 inline void gather_points(global const uint2 *from, int8 at, int8 *first, int8 *second) {
-    int16 a = as_int16((uint16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3], from[at.s4], from[at.s5], from[at.s6], from[at.s7]));
+    int16 a = as_int16((uint16)(from[at.s0], from[at.s1], from[at.s2], from[at.s3],
+                               from[at.s4], from[at.s5], from[at.s6], from[at.s7]));
     *first = a.even;
     *second = a.odd;
 }

@@ -1,8 +1,8 @@
 /* The surface as a truncated signed distance in hashed blocks of 8x8x8 voxels (Curless and Levoy 1996; Niessner et al.
  * 2013, "Real-time 3D reconstruction at scale using voxel hashing").
  *
- * A block is 512 distances (short, TSDF_ONE a truncation, positive in front of the surface, or NEVER_SEEN) and then 512 weights (ushort,
- * WEIGHT_ONE for one observation at 1 m), x fastest. Voxel i stands at i * voxel metres in the world. */
+ * A block is 512 distances (short, TSDF_ONE a truncation, positive in front of the surface, or NEVER_SEEN) and then 512
+ * weights (ushort, WEIGHT_ONE for one observation at 1 m), x fastest. Voxel i stands at i * voxel metres in the world. */
 
 #define WEIGHT_ONE 64.0f
 #define WEIGHT_BITS 511 /* enough for a pixel's weight */
@@ -12,10 +12,11 @@
 
 /* Which blocks near the scan's surface are not there yet? Each tile of pixels walks its rays through the truncation band
  * and lists the missing blocks it meets, each once, in its own slots: no atomics, so nothing depends on the order of
- * threads. Tiles overlap in what they ask for; the host takes them in order and drops doubles. A tile with more than TILE_SLOTS asks
- * for the rest in the next frame. Of rows closer together than a third of a block every second, third or fourth will do.
- * turn: only rows of tiles with an odd or even number (1, 0) ask; -1: all.
- * Global size: work-items that share a row of tiles, rows of tiles. requests: TILE_SLOTS int4 a tile; counts: one int a tile; farthest: the tile's largest depth. */
+ * threads. Tiles overlap in what they ask for; the host takes them in order and drops doubles. A tile with more than
+ * TILE_SLOTS asks for the rest in the next frame. Of rows closer together than a third of a block every second, third or
+ * fourth will do. turn: only rows of tiles with an odd or even number (1, 0) ask; -1: all.
+ * requests: TILE_SLOTS int4 a tile; counts: one int a tile; farthest: the tile's largest depth.
+ * Global size: work-items that share a row of tiles, rows of tiles. */
 kernel void request_blocks(global const float *depth, camera c, rigid pose, float block_m, float truncation,
                            global const int4 *table, uint mask, global int4 *requests, global int *counts,
                            global float *farthest, int turn) {
@@ -90,9 +91,9 @@ inline float farthest_about(global const float *farthest, camera c, float3 m, fl
 
 /* What fusion needs of a pixel, in eight bytes: the plane that its depth and normal stand for, in camera axes, and its
  * weight. A point p is n . p - w metres in front of the plane. The weight is the depth's inverse variance and how squarely
- * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed;
- * w is made of that n, so that the plane holds the pixel's point. Second word: w, whose last bits are the weight.
- * Pixels without depth have an infinite w. Global size: work-items that share a row, height. */
+ * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed. Second word:
+ * w, made of that n so that the plane holds the pixel's point; its last bits are the weight. Pixels without depth have an
+ * infinite w. Global size: work-items that share a row, height. */
 kernel void pack_planes(global const float *depth, global const float *normals, camera c, float2 noise,
                         global uint2 *planes) {
     int y = get_global_id(1);
@@ -111,7 +112,7 @@ kernel void pack_planes(global const float *depth, global const float *normals, 
         vfloat w = VFLOAT(NORMAL_X(normal)) * rx + VFLOAT(NORMAL_Y(normal)) * ry + VFLOAT(NORMAL_Z(normal));
         w *= NORMAL_UNIT * d;
         vint rounded = (AS_VINT(SELECT(never, w, d > 0.0f)) + WEIGHT_BITS / 2 + 1) & ~WEIGHT_BITS;
-        store_points(normal, rounded | vnear(clamp(weight, 1.0f, 4.0f * WEIGHT_ONE)), min(c.width - x, LANES),
+        store_points(normal, rounded | vnear(fmin(fmax(weight, 1.0f), 4.0f * WEIGHT_ONE)), min(c.width - x, LANES),
                     planes + y * c.width + x);
     }
 }
