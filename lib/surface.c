@@ -172,6 +172,8 @@ int surface_view(surface_output *s, device *d, volume *v, const fathom_view *vie
             for (int i = 0; map && i < w * h; i++) {
                 size_t at = (size_t)(y0 + i / w) * (size_t)view->width + (size_t)(x0 + i % w);
                 kernel_point m = kernel_point_of(map[i]);
+                float *n = m.normal, length = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+                for (int k = 0; k < 3 && length > 0; k++) n[k] /= length; /* rounded, in the map */
                 if (depth) depth[at] = m.depth;
                 if (normals) memcpy(normals + 3 * at, m.normal, sizeof m.normal);
                 if (rgb) shade(m.normal, m.depth, rgb + 3 * at);
