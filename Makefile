@@ -226,9 +226,11 @@ TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(TESTS_OUT),$(
 SUPPORT_OBJ = $(filter-out $(CHECK_OBJ),$(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c))))
 CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
 
+$(BUILD)/tests/test_heap: $(BUILD)/tests/bench/heap_count.c.o
+$(BUILD)/tests/test_heap: COUNTER = $(BUILD)/tests/bench/heap_count.c.o
 $(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
 	$(call say,LD)
-	$(Q)$(CXX) -o $@ $< $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
+	$(Q)$(CXX) -o $@ $< $(COUNTER) $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
 
 VM_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/vm/*.c))
 $(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a

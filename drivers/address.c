@@ -1,5 +1,6 @@
 #include "address.h"
 
+#include <stdio.h>
 #include <string.h>
 
 /* Copies up to an end; false: it doesn't fit. */
@@ -44,4 +45,21 @@ const char *address_unknown(const source_address *address) {
     for (int i = 0; i < address->count; i++)
         if (!address->settings[i].used) return address->settings[i].key;
     return NULL;
+}
+
+bool address_usb(usb_choice *choice, const char *what) {
+    unsigned vendor, product;
+    int length = 0;
+    *choice = (usb_choice){0};
+    if (!*what) return true;
+    if (sscanf(what, "%4x:%4x%n", &vendor, &product, &length) != 2) return false;
+    choice->by_id = true;
+    choice->vendor = (uint16_t)vendor;
+    choice->product = (uint16_t)product;
+    what += length;
+    if (!*what) return true;
+    if (*what != ':' || strlen(what + 1) >= sizeof choice->serial) return false;
+    choice->by_serial = true;
+    snprintf(choice->serial, sizeof choice->serial, "%s", what + 1);
+    return true;
 }

@@ -3,6 +3,7 @@
 #define FATHOM_ADDRESS_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #define ADDRESS_SETTINGS 8
 
@@ -23,5 +24,15 @@ const char *address_setting(source_address *address, const char *key);
 
 /* The first setting that nobody asked for; NULL: none. */
 const char *address_unknown(const source_address *address);
+
+/* Which USB device: any, those of a kind, or one by its serial number. */
+typedef struct {
+    bool by_id, by_serial;
+    uint16_t vendor, product;
+    char serial[64];
+} usb_choice;
+
+/* From "", "vvvv:pppp" or "vvvv:pppp:serial" (hexadecimal). False: it is none of these. */
+bool address_usb(usb_choice *choice, const char *what);
 
 #endif

@@ -37,9 +37,8 @@ typedef struct {
 typedef struct {
     imu_source base;
     source_address address;
-    bool by_id, by_serial;
-    uint16_t vendor, product;
-    char path[64], wanted_serial[64];
+    usb_choice wanted;
+    char path[64];
     hid_device *handle;
     hid_kind kind;
     hid_fixed fixed;
@@ -148,8 +147,9 @@ static int hid_enumerate_sources(fathom_source_found found, void *user, fathom_l
 
 static bool is_wanted(const hid_source *s, const hid_node *node) {
     if (*s->path && strcmp(node->path, s->path) != 0) return false;
-    if (s->by_id && (node->vendor != s->vendor || node->product != s->product)) return false;
-    return !s->by_serial || !strcasecmp(node->serial, s->wanted_serial);
+    if (s->wanted.by_id && (node->vendor != s->wanted.vendor || node->product != s->wanted.product))
+        return false;
+    return !s->wanted.by_serial || !strcasecmp(node->serial, s->wanted.serial);
 }
 
 static bool apply_signs(hid_source *s) {
@@ -213,11 +213,11 @@ static int open_node(hid_source *s, const hid_node *node, bool quiet) {
     prepare(s, node, quiet);
     /* From now on it is this one, wherever it is plugged in again. */
     s->path[0] = 0;
-    s->by_id = true;
-    s->vendor = node->vendor;
-    s->product = node->product;
-    snprintf(s->wanted_serial, sizeof s->wanted_serial, "%s", node->serial);
-    s->by_serial = s->wanted_serial[0] != 0;
+    s->wanted.by_id = true;
+    s->wanted.vendor = node->vendor;
+    s->wanted.product = node->product;
+    snprintf(s->wanted.serial, sizeof s->wanted.serial, "%s", node->serial);
+    s->wanted.by_serial = s->wanted.serial[0] != 0;
     return FATHOM_OK;
 }
 
@@ -320,26 +320,12 @@ static int poll_device(imu_source *base) {
 
 static const imu_device device = {.open = find_and_open, .begin = begin, .poll = poll_device, .shut = shut};
 
-/* "", "vvvv:pppp", "vvvv:pppp:serial" or a path. */
+/* A path, or what address_usb takes. */
 static bool parse_what(hid_source *s) {
     const char *what = s->address.what;
-    unsigned vendor, product;
-    int end = 0;
-    if (!*what) return true;
-    if (*what == '/') {
-        if (strlen(what) >= sizeof s->path) return false;
-        snprintf(s->path, sizeof s->path, "%s", what);
-        return true;
-    }
-    if (sscanf(what, "%4x:%4x%n", &vendor, &product, &end) != 2) return false;
-    s->by_id = true;
-    s->vendor = (uint16_t)vendor;
-    s->product = (uint16_t)product;
-    what += end;
-    if (!*what) return true;
-    if (*what != ':' || strlen(what + 1) >= sizeof s->wanted_serial) return false;
-    s->by_serial = true;
-    snprintf(s->wanted_serial, sizeof s->wanted_serial, "%s", what + 1);
+    if (*what != '/') return address_usb(&s->wanted, what);
+    if (strlen(what) >= sizeof s->path) return false;
+    snprintf(s->path, sizeof s->path, "%s", what);
     return true;
 }
 

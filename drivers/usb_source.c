@@ -35,9 +35,8 @@ typedef struct {
 typedef struct usb_source {
     imu_source base;
     source_address address;
-    bool by_id, by_serial, configure;
-    uint16_t vendor, product;
-    char wanted_serial[64];
+    usb_choice wanted;
+    bool configure;
     libusb_context *context;
     libusb_device_handle *handle;
     usb_kind kind;
@@ -174,7 +173,7 @@ static int open_device(usb_source *s, libusb_device *device, const struct libusb
     int error = libusb_open(device, &s->handle);
     if (error) s->handle = NULL;
     if (!error) serial_of(s->handle, d, serial, sizeof serial);
-    if (!error && s->by_serial && strcmp(serial, s->wanted_serial)) {
+    if (!error && s->wanted.by_serial && strcmp(serial, s->wanted.serial)) {
         libusb_close(s->handle);
         s->handle = NULL;
         return FATHOM_ERROR_NO_DEVICE;
@@ -191,11 +190,11 @@ static int open_device(usb_source *s, libusb_device *device, const struct libusb
     const int result = translate(error, place, problem, sizeof problem);
     if (result) return quiet ? result : source_fail(o, result, "usb: %s", problem);
     /* From now on it is this one, wherever it is plugged in again. */
-    s->by_id = true;
-    s->vendor = d->idVendor;
-    s->product = d->idProduct;
-    s->by_serial = *serial != 0;
-    snprintf(s->wanted_serial, sizeof s->wanted_serial, "%s", serial);
+    s->wanted.by_id = true;
+    s->wanted.vendor = d->idVendor;
+    s->wanted.product = d->idProduct;
+    s->wanted.by_serial = *serial != 0;
+    snprintf(s->wanted.serial, sizeof s->wanted.serial, "%s", serial);
     imu_source_describe(&s->base, name_of(s->kind), serial, s->kind == KINECT_MOTOR);
     if (s->kind == KINECT_MOTOR && !quiet)
         source_warn(o, "%s: no gyroscope, so it is of no use to a scan", name_of(s->kind));
@@ -221,7 +220,7 @@ static int find_and_open(imu_source *base, bool quiet) {
     for (ssize_t i = 0; i < count && result; i++) {
         struct libusb_device_descriptor d;
         if (libusb_get_device_descriptor(list[i], &d) || !recognise(list[i], &d, &s->kind)) continue;
-        if (s->by_id && (d.idVendor != s->vendor || d.idProduct != s->product)) continue;
+        if (s->wanted.by_id && (d.idVendor != s->wanted.vendor || d.idProduct != s->wanted.product)) continue;
         result = open_device(s, list[i], &d, quiet);
         said = result != FATHOM_ERROR_NO_DEVICE;
     }
@@ -452,23 +451,6 @@ static const imu_device device = {
 
 /* ---- the driver ---- */
 
-static bool parse_what(usb_source *s) {
-    const char *what = s->address.what;
-    unsigned vendor, product;
-    int length = 0;
-    if (!*what) return true;
-    if (sscanf(what, "%4x:%4x%n", &vendor, &product, &length) != 2) return false;
-    s->by_id = true;
-    s->vendor = (uint16_t)vendor;
-    s->product = (uint16_t)product;
-    what += length;
-    if (!*what) return true;
-    if (*what != ':' || strlen(what + 1) >= sizeof s->wanted_serial) return false;
-    s->by_serial = true;
-    snprintf(s->wanted_serial, sizeof s->wanted_serial, "%s", what + 1);
-    return true;
-}
-
 static int open_source(fathom_source **source, const char *address, const fathom_source_options *options) {
     source_address parsed;
     if (!address_parse(&parsed, address))
@@ -483,7 +465,7 @@ static int open_source(fathom_source **source, const char *address, const fathom
     s->interface = -1;
     s->configure = wish && !strcmp(wish, "yes");
     s->address = parsed;
-    if (!parse_what(s)) {
+    if (!address_usb(&s->wanted, s->address.what)) {
         fathom_source_close(&s->base.base);
         return source_fail(
             options, FATHOM_ERROR_ARGUMENT,

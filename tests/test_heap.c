@@ -9,14 +9,13 @@
 #include <cmocka.h>
 
 #include <dlfcn.h>
-#include <errno.h>
 #include <link.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "bench/heap_count.h"
 #include "pose.h"
 #include "synthetic.h"
 
@@ -27,60 +26,6 @@
 #endif
 
 #define FRAMES 40
-
-/* ---- the heap ----------------------------------------------------------------------------------------------------- */
-
-static uintptr_t watched_low, watched_high; /* addresses of code whose calls count */
-static atomic_int watched_calls, all_calls;
-
-#if !SANITIZED
-/* seen by every library in the process, whatever visibility this program is built with */
-#pragma GCC visibility push(default)
-void *__libc_malloc(size_t size);
-void *__libc_calloc(size_t count, size_t size);
-void *__libc_realloc(void *old, size_t size);
-void *__libc_memalign(size_t alignment, size_t size);
-void __libc_free(void *old);
-void *memalign(size_t alignment, size_t size);
-
-#define ENTRY __attribute__((noinline)) /* so that the return address is the caller's */
-#define COUNT count_call((uintptr_t)__builtin_return_address(0))
-static void count_call(uintptr_t from) {
-    atomic_fetch_add(&all_calls, 1);
-    if (from >= watched_low && from < watched_high) atomic_fetch_add(&watched_calls, 1);
-}
-
-ENTRY void *malloc(size_t size) {
-    COUNT;
-    return __libc_malloc(size);
-}
-ENTRY void *calloc(size_t count, size_t size) {
-    COUNT;
-    return __libc_calloc(count, size);
-}
-ENTRY void *realloc(void *old, size_t size) {
-    COUNT;
-    return __libc_realloc(old, size);
-}
-ENTRY void free(void *old) {
-    COUNT;
-    __libc_free(old);
-}
-ENTRY void *memalign(size_t alignment, size_t size) {
-    COUNT;
-    return __libc_memalign(alignment, size);
-}
-ENTRY void *aligned_alloc(size_t alignment, size_t size) {
-    COUNT;
-    return __libc_memalign(alignment, size);
-}
-ENTRY int posix_memalign(void **out, size_t alignment, size_t size) {
-    COUNT;
-    *out = __libc_memalign(alignment, size);
-    return *out ? 0 : ENOMEM;
-}
-#pragma GCC visibility pop
-#endif
 
 /* ---- the library -------------------------------------------------------------------------------------------------- */
 
@@ -223,19 +168,17 @@ static void the_counter_counts(void **state) {
     uintptr_t helper;
     void *(*function)(size_t) = takes_memory;
     memcpy(&helper, &function, sizeof helper);
-    watched_low = helper;
-    watched_high = helper + 64; /* the helper's own code */
-    watched_calls = all_calls = 0;
+    heap_count_watch(helper, helper + 64); /* the helper's own code */
+    const long watched = heap_count_watched(), all = heap_count_all();
     void *p = takes_memory(100);
-    assert_int_equal(watched_calls, 1);
+    assert_int_equal(heap_count_watched() - watched, 1);
     free(p); /* from elsewhere */
-    assert_int_equal(watched_calls, 1);
-    assert_true(all_calls >= 2);
-    watched_low = text_low;
-    watched_high = text_high;
+    assert_int_equal(heap_count_watched() - watched, 1);
+    assert_true(heap_count_all() - all >= 2);
+    heap_count_watch(text_low, text_high);
     p = takes_memory(100);
     free(p);
-    assert_int_equal(watched_calls, 1); /* not the library's */
+    assert_int_equal(heap_count_watched() - watched, 1); /* not the library's */
 }
 
 static void two_hundred_steps_make_no_call_to_the_heap(void **state) {
@@ -246,9 +189,8 @@ static void two_hundred_steps_make_no_call_to_the_heap(void **state) {
     static uint8_t rgb[3 * 100 * 80];
     fathom_view view = {100, 80, 80, 80, 50, 40, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, 0, 0};
     begin(SYNTHETIC_WIDTH);
-    watched_low = text_low;
-    watched_high = text_high;
-    watched_calls = all_calls = 0;
+    heap_count_watch(text_low, text_high);
+    const long watched = heap_count_watched(), every = heap_count_all();
     for (int i = 0; i < 200; i++) {
         fathom_result r = walk(i);
         tracked += r.state <= FATHOM_TRACKED;
@@ -259,9 +201,9 @@ static void two_hundred_steps_make_no_call_to_the_heap(void **state) {
         assert_true(lib.extract_mesh(scan, 0, no_triangles, NULL) > 0);
         if (i == 119) assert_int_equal(lib.reset(scan), FATHOM_OK);
     }
-    int own = watched_calls, all = all_calls;
+    const long own = heap_count_watched() - watched, all = heap_count_all() - every;
     end();
-    print_message("%d calls of the heap by libfathom, %d by all, %d of 200 tracked\n", own, all, tracked);
+    print_message("%ld calls of the heap by libfathom, %ld by all, %d of 200 tracked\n", own, all, tracked);
     assert_int_equal(own, 0);
     assert_true(all > 0); /* the OpenCL runtime's: the counter was in place */
     assert_true(tracked >= 190);

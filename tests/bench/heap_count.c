@@ -21,6 +21,7 @@ int posix_memalign(void **out, size_t alignment, size_t size);
 static atomic_uintptr_t watched_low, watched_high;
 static atomic_long all, watched;
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define ENTRY __attribute__((noinline)) /* so that the return address is the caller's */
 #define COUNT count((uintptr_t)__builtin_return_address(0))
 static void count(uintptr_t from) {
@@ -58,6 +59,7 @@ ENTRY int posix_memalign(void **out, size_t alignment, size_t size) {
     *out = __libc_memalign(alignment, size);
     return *out ? 0 : ENOMEM;
 }
+#endif
 
 void heap_count_watch(uintptr_t low, uintptr_t high) {
     watched_low = low;

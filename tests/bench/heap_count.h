@@ -1,5 +1,5 @@
 /* Counts the process's calls of the heap: malloc, calloc, realloc, free and their aligned kin. Linked into a program, or
- * loaded before another's libraries (LD_PRELOAD). */
+ * loaded before another's libraries (LD_PRELOAD). With a sanitizer, which has a heap of its own, none is seen. */
 #ifndef FATHOM_BENCH_HEAP_COUNT_H
 #define FATHOM_BENCH_HEAP_COUNT_H
 
