@@ -219,14 +219,13 @@ inline void store_points(int first, int second, int count, global uint2 *to) {
 }
 #endif
 
-/* Asks for what the next row will need, where the device's compiler can: prefetch() does nothing in PoCL. */
-#if LANES == 8 && defined(__has_builtin)
-#if __has_builtin(__builtin_prefetch)
-#define FETCH_AHEAD(p) __builtin_prefetch((const void *)(size_t)(p))
-#endif
-#endif
-#ifndef FETCH_AHEAD
+/* Asks for what the next row will need. PoCL's own prefetch() does nothing. A GPU has other work-items to go on with. */
+#if LANES == 1
 #define FETCH_AHEAD(p)
+#elif defined(POCL_DEVICE_ADDRESS_BITS)
+#define FETCH_AHEAD(p) __builtin_prefetch((const void *)(size_t)(p))
+#else
+#define FETCH_AHEAD(p) prefetch(p, 1)
 #endif
 
 #define TILE 8 /* side of the tiles that images are divided into, pixels */

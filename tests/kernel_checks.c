@@ -35,7 +35,7 @@ int kernel_checks_open(device *d, fathom_config *config, const char *name, fatho
     config->log_user = log_user;
     int e = device_choose(d, config);
     if (e != FATHOM_OK) return e;
-    if (shape == SHAPE_OTHER) d->wide = d->wide == 16 ? 8 : 16; /* before the kernels are built */
+    if (shape == SHAPE_OTHER && d->cpu) d->wide = d->wide == 16 ? 8 : 16; /* before the kernels are built */
     if (shape == SHAPE_GPU) {
         d->cpu = false;
         d->lanes = d->wide = 1;
