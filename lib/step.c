@@ -14,6 +14,9 @@
 
 #define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
 
+#define EAGER 15 /* frames that are looked for after the camera was lost; then every RARE-th, so that a board keeps up */
+#define RARE 15
+
 #define CALM_M 0.03 /* the camera's way from one fused frame to the next */
 #define CALM_RAD 0.04
 
@@ -273,6 +276,11 @@ static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose
     *r = o;
 }
 
+/* Lost for long: this frame isn't looked for. */
+static bool rests(const fathom *f) {
+    return f->missed >= EAGER && f->missed % RARE != 0;
+}
+
 static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     if (f->paused) { /* there is nothing to align with, and nothing may be fused */
         r->state = FATHOM_RECKONED;
@@ -296,12 +304,18 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
     inertial_motion d = inertial_seed(f, f->timestamp_ns, r->timestamp_ns);
     pose seed = pose_multiply(&f->pose, &d.motion);
     const double *predicted = d.pose_covariance;
-    alignment icp;
-    bool seeded = position_sigma(predicted) < c->seeded_sigma_m;
-    attempt(f, scan, &seed, predicted, seeded, &icp, r);
-    if (seeded && failed(r)) attempt(f, scan, &seed, predicted, false, &icp, r);
-    second_attempt(f, scan, &seed, &icp, r);
-    search(f, scan, &seed, predicted, &icp, r);
+    alignment icp = {.condition = INFINITY};
+    if (rests(f)) {
+        report_alignment(&icp, r);
+        r->agreement = r->see_through = NAN;
+        r->verdict = has_depth(c, scan) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
+    } else {
+        bool seeded = position_sigma(predicted) < c->seeded_sigma_m;
+        attempt(f, scan, &seed, predicted, seeded, &icp, r);
+        if (seeded && failed(r)) attempt(f, scan, &seed, predicted, false, &icp, r);
+        second_attempt(f, scan, &seed, &icp, r);
+        search(f, scan, &seed, predicted, &icp, r);
+    }
 
     if (r->verdict == FATHOM_VERDICT_TRACKING) {
         f->pose = icp.motion;
@@ -322,6 +336,7 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
         inertial_advance(&f->inertial, r->timestamp_ns);
         r->state = position_sigma(predicted) > c->lost_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
     }
+    f->missed = r->state == FATHOM_LOST && failed(r) ? f->missed + 1 : 0;
     /* a pose that geometry alone has settled is evidence, whatever inertia thinks of it */
     bool tracked = r->state == FATHOM_TRACKED, settled = tracked || r->verdict == FATHOM_VERDICT_INNOVATION;
     settled = settled && icp.condition < 0.5 * c->max_condition;
