@@ -31,6 +31,15 @@ void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camer
     volume_raycast(v, d, &w->wide, camera_to_world, w->near_m, w->far_m, &w->map);
 }
 
+double model_view_part(model_view *w, device *d, volume *v, const pose *camera_to_world) {
+    int pixels = w->same.width * w->same.height, seen = 0;
+    model_view_cast(w, d, v, camera_to_world);
+    const cl_uint2 *model = device_map(d, &w->map, CL_MAP_READ);
+    for (int i = 0; model && i < pixels; i++) seen += kernel_point_of(model[i]).depth > 0;
+    device_unmap(d, &w->map, (void *)model);
+    return (double)seen / pixels;
+}
+
 void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, const pose *camera_to_world,
                         float tolerance_m, comparison *out) {
     const kernel_camera *c = &w->same;

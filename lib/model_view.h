@@ -31,6 +31,9 @@ void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, c
 /* Queues the ray-cast of what the camera should see from there. */
 void model_view_cast(model_view *w, device *d, volume *v, const pose *camera_to_world);
 
+/* The part of its pixels in which the camera should see some surface from there. Waits for the device. */
+double model_view_part(model_view *w, device *d, volume *v, const pose *camera_to_world);
+
 /* Queues the wide map as seen from a pose. */
 void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camera_to_world);
 

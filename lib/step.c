@@ -14,8 +14,9 @@
 
 #define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
 
-#define EAGER 15 /* frames that are looked for after the camera was lost; then every RARE-th, so that a board keeps up */
-#define RARE 15
+/* So many frames are looked for after the camera was lost, then every RARE-th, so that a board keeps up. */
+#define EAGER 15
+#define RARE 30
 
 #define CALM_M 0.03 /* the camera's way from one fused frame to the next */
 #define CALM_RAD 0.04
@@ -172,9 +173,31 @@ static double valid_part(const fathom_config *c, const fathom_depth_frame *scan)
     return (double)valid / (rows * scan->width);
 }
 
-/* A hundredth of the frame must be valid: a few stray pixels under a covered lens are no world to find back to. */
+/* Of the frame: a few stray pixels under a covered lens are no world to find back to. */
+#define LEAST_VALID 0.01
+
 static bool has_depth(const fathom_config *c, const fathom_depth_frame *scan) {
-    return valid_part(c, scan) >= 0.01;
+    return valid_part(c, scan) >= LEAST_VALID;
+}
+
+/* Too little surface for enough pairs lies before the camera: there is no need to cast the fine maps. After a tracked frame
+ * there is enough. */
+static bool nothing_in_view(fathom *f, const pose *seed) {
+    if (f->result.state < FATHOM_RECKONED || f->config.against != FATHOM_AGAINST_MODEL) return false;
+    const kernel_camera *c = &f->maps.camera[FINEST];
+    double pixels = (double)c->width * c->height;
+    return pixels * model_view_part(&f->view, &f->device, &f->volume, seed) <
+           least_pairs(&f->config, c->width * c->height);
+}
+
+/* A frame that isn't aligned. */
+static void leave(const fathom *f, const fathom_depth_frame *scan, const pose *seed, alignment *icp,
+                  fathom_result *r) {
+    *icp = (alignment){.motion = *seed, .condition = INFINITY};
+    report_alignment(icp, r);
+    r->prior_rotation_rad = r->prior_translation_m = r->innovation_sigmas = 0;
+    r->agreement = r->see_through = NAN;
+    r->verdict = has_depth(&f->config, scan) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
 }
 
 /* Aligns from a seed, and judges. */
@@ -183,6 +206,11 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
     const fathom_config *c = &f->config;
     double twist[6];
     r->seeded = seeded;
+    double valid = valid_part(c, scan);
+    if (valid < LEAST_VALID || (!seeded && nothing_in_view(f, seed))) {
+        leave(f, scan, seed, icp, r);
+        return;
+    }
     align_scan(f, seed, predicted, icp, r);
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && icp->pairs > 0;
     if (recast && !maps_hold(f, &icp->motion, FINEST)) align_again(f, predicted, icp, r);
@@ -197,8 +225,7 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
         gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
     r->innovation_sigmas = (float)covariance_mahalanobis(gate, twist);
     r->agreement = r->see_through = NAN;
-    double valid = valid_part(c, scan);
-    r->verdict = valid >= 0.01 ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
+    r->verdict = judge(c, icp, r->innovation_sigmas);
     bool evident = seeded && icp->pairs >= c->evident_pairs * valid * icp->pixels &&
                    r->innovation_sigmas <= c->evident_sigmas;
     if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident) {
@@ -304,11 +331,9 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
     inertial_motion d = inertial_seed(f, f->timestamp_ns, r->timestamp_ns);
     pose seed = pose_multiply(&f->pose, &d.motion);
     const double *predicted = d.pose_covariance;
-    alignment icp = {.condition = INFINITY};
+    alignment icp;
     if (rests(f)) {
-        report_alignment(&icp, r);
-        r->agreement = r->see_through = NAN;
-        r->verdict = has_depth(c, scan) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
+        leave(f, scan, &seed, &icp, r);
     } else {
         bool seeded = position_sigma(predicted) < c->seeded_sigma_m;
         attempt(f, scan, &seed, predicted, seeded, &icp, r);
