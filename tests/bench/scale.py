@@ -24,10 +24,11 @@ NOTES = """Time: median milliseconds of a step, and its 95th percentile. Surface
 each; the pool's bound is what the memory cap leaves for blocks. Resident: the most of the whole process, the OpenCL
 runtime included.""".split("\n")
 
-WAY_NOTES = """The camera walks at {pace:.1f} m/s, three times the usual pace, and turns as fast as that. At the bound `--when-full
-drop` lets the blocks seen longest ago make room (replay keeps those in a file), `--when-full stop` takes no more surface:
-then the walk leaves the surface, is reckoned and lost. A line is the last metre before. Drift: of the position, in per
-cent of the way, with the first pose laid on the truth.""".split("\n")
+WAY_NOTES = """The camera walks at {pace:.1f} m/s, three times the usual pace, and turns as fast as that. At the bound
+`--when-full drop` lets the blocks seen longest ago make room (replay keeps those in a file), `--when-full stop` takes
+no more surface: then the walk leaves the surface, is reckoned and lost, and of the frames lost one in 30 is looked
+for. A line is the last metre before. Drift: of the position, in per cent of the way, with the first pose laid on the
+truth.""".split("\n")
 
 
 def log(text):
@@ -154,7 +155,8 @@ def stretches(run):
 
 def by_length(runs, length):
     """One long walk, with either setting of what happens at the pool's bound."""
-    folder = runs.simulate("corridor", "corridor", "--length", f"{length + 1:g}", "--size", "320x240", "--speed", str(SPEED))
+    folder = runs.simulate("corridor", "corridor", "--length", f"{length + 1:g}", "--size", "320x240", "--speed",
+                           str(SPEED))
     return [(when, runs.replay(folder, "--voxel", "0.01", "--when-full", when)) for when in ("drop", "stop")]
 
 
@@ -163,11 +165,11 @@ def panel(axes, label, x, median, p95, memory, names=None):
     axes.plot(x, p95, ":", color="tab:blue", label="95th percentile")
     axes.set_xlabel(label)
     axes.set_ylabel("ms a frame", color="tab:blue")
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, 1.25 * max(p95))
     other = axes.twinx()
     other.plot(x, memory, "s-", color="tab:orange", markersize=3)
     other.set_ylabel("surface, MB", color="tab:orange")
-    other.set_ylim(bottom=0)
+    other.set_ylim(0, 1.25 * max(memory))
     if names:
         axes.set_xticks(x, names)
     axes.legend(fontsize=7, loc="upper left")
