@@ -24,11 +24,11 @@ NOTES = """Time: median milliseconds of a step, and its 95th percentile. Surface
 each; the pool's bound is what the memory cap leaves for blocks. Resident: the most of the whole process, the OpenCL
 runtime included.""".split("\n")
 
-WAY_NOTES = """The camera walks at {pace:.1f} m/s, three times the usual pace, and turns as fast as that. At the bound
-`--when-full drop` lets the blocks seen longest ago make room (replay keeps those in a file), `--when-full stop` takes
-no more surface: then the walk leaves the surface, is reckoned and lost, and of the frames lost one in 30 is looked
-for. A line is the last metre before. Drift: of the position, in per cent of the way, with the first pose laid on the
-truth.""".split("\n")
+WAY_NOTES = """The camera walks at {pace:.1f} m/s, three times the usual pace, and turns as fast as that: the faster
+it turns, the more a frame costs. At the bound `--when-full drop` lets the blocks seen longest ago make room (replay
+keeps those in a file), `--when-full stop` takes no more surface: then the walk leaves the surface, is reckoned and
+lost, and of the frames lost one in 30 is looked for. A line is the last metre before. Drift: of the position, in per
+cent of the way, with the first pose laid on the truth.""".split("\n")
 
 
 def log(text):
