@@ -24,9 +24,14 @@ void aligner_close(aligner *a) {
     device_buffer_free(&a->sums);
 }
 
+/* Of a seed: no pairs are looked for beyond three of it, for rays cost by their length. With 0.05 a wrong pose passed
+ * (tests/test_faults.c): what doesn't fit has to show. */
+#define MOST_SIGMA_M 0.2
+
 /* Pairs further apart than this are rejected; twice as far at each coarser level. */
 static double pair_distance(const aligner *a, int level, double seed_sigma_m) {
-    return fmax(a->config->pair_distance_m, 3 * seed_sigma_m) * (1 << (FINEST - level));
+    double sigma = fmin(seed_sigma_m, MOST_SIGMA_M);
+    return fmax(a->config->pair_distance_m, 3 * sigma) * (1 << (FINEST - level));
 }
 
 float align_reach(const aligner *a, int coarsest, double seed_sigma_m) {

@@ -43,7 +43,7 @@ float align_reach(const aligner *a, int coarsest, double seed_sigma_m);
 typedef struct {
     pose motion;           /* scan's camera to model's camera */
     double covariance[36]; /* motion * exp(error) */
-    double sigma_m;        /* of the position: widens the pair distance to three of it */
+    double sigma_m;        /* of the position: widens the pair distance to three of it, 60 cm at most */
     bool prior; /* the covariance enters the solve (else the seed is only where the search starts) */
 } align_seed;
 

@@ -32,6 +32,7 @@ struct fathom {
     int cast_coarsest; /* coarsest level of the model maps; FATHOM_LEVELS: there are none to be used again */
     int cast_pairs;    /* that alignment found when they were new */
     unsigned drawn;    /* hypotheses of the search so far */
+    int missed;        /* frames in a row, lost, that alignment and search have failed for */
     bool paused;
     bool said_full; /* the log knows that the pool is full */
     int64_t frames_ignored;

@@ -375,7 +375,7 @@ FATHOM_API const char *fathom_state_name(fathom_state state);
 typedef enum {
     FATHOM_VERDICT_TRACKING = 0,
     FATHOM_VERDICT_NO_DEPTH = 1,   /* too few valid pixels in the frame */
-    FATHOM_VERDICT_FEW_PAIRS = 2,  /* below min_pairs */
+    FATHOM_VERDICT_FEW_PAIRS = 2,  /* below min_pairs; or not looked for: lost for long, one frame in 30 is */
     FATHOM_VERDICT_OVERLAP = 3,    /* below min_overlap */
     FATHOM_VERDICT_RESIDUAL = 4,   /* above max_rms_m */
     FATHOM_VERDICT_CONDITION = 5,  /* above max_condition */

@@ -3,10 +3,13 @@
 #include <math.h>
 #include <string.h>
 
+#define LEAST_WIDTH 40 /* pixels; coarser ones are wider than what they should tell apart */
+
 void model_view_init(model_view *w, device *d, arena *a, const fathom_config *config,
                      const depth_maps *maps) {
     memset(w, 0, sizeof *w);
-    const kernel_camera *c = &maps->camera[0];
+    while (w->level < FINEST && maps->camera[w->level].width < LEAST_WIDTH) w->level++;
+    const kernel_camera *c = &maps->camera[w->level];
     w->same = *c;
     int more_x = c->width / 2, more_y = c->height / 2;
     w->wide = kernel_camera_of(c->width + 2 * more_x, c->height + 2 * more_y, c->fx, c->fy,
@@ -28,14 +31,23 @@ void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camer
     volume_raycast(v, d, &w->wide, camera_to_world, w->near_m, w->far_m, &w->map);
 }
 
+double model_view_part(model_view *w, device *d, volume *v, const pose *camera_to_world) {
+    int pixels = w->same.width * w->same.height, seen = 0;
+    model_view_cast(w, d, v, camera_to_world);
+    const cl_uint2 *model = device_map(d, &w->map, CL_MAP_READ);
+    for (int i = 0; model && i < pixels; i++) seen += kernel_point_of(model[i]).depth > 0;
+    device_unmap(d, &w->map, (void *)model);
+    return (double)seen / pixels;
+}
+
 void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, const pose *camera_to_world,
                         float tolerance_m, comparison *out) {
     const kernel_camera *c = &w->same;
     memset(out, 0, sizeof *out);
     model_view_cast(w, d, v, camera_to_world);
     const cl_uint2 *model = device_map(d, &w->map, CL_MAP_READ);
-    const float *depth = device_map(d, &maps->depth[0], CL_MAP_READ);
-    const float *normals = device_map(d, &maps->normals[0], CL_MAP_READ);
+    const float *depth = device_map(d, &maps->depth[w->level], CL_MAP_READ);
+    const float *normals = device_map(d, &maps->normals[w->level], CL_MAP_READ);
     for (int y = 0; model && depth && normals && y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
             int at = (y + PAD_Y) * c->pitch + x + PAD_X;
@@ -52,7 +64,7 @@ void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, c
             else if (apart > 0)
                 out->through += weight;
         }
-    device_unmap(d, &maps->normals[0], (void *)normals);
-    device_unmap(d, &maps->depth[0], (void *)depth);
+    device_unmap(d, &maps->normals[w->level], (void *)normals);
+    device_unmap(d, &maps->depth[w->level], (void *)depth);
     device_unmap(d, &w->map, (void *)model);
 }

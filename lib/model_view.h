@@ -1,4 +1,5 @@
-/* What the surface says that a camera should see, at the coarsest maps' resolution: for the verdict and for the search. */
+/* What the surface says that a camera should see, on the coarsest maps that still tell enough: for the verdict and for the
+ * search. */
 #ifndef FATHOM_MODEL_VIEW_H
 #define FATHOM_MODEL_VIEW_H
 
@@ -6,12 +7,13 @@
 
 typedef struct {
     device_buffer map;  /* normal and depth, row by row */
-    kernel_camera same; /* the coarsest maps' camera */
+    int level;          /* of the maps */
+    kernel_camera same; /* that level's camera */
     kernel_camera wide; /* the same with half a width and height more on each side */
     float near_m, far_m;
 } model_view;
 
-/* A frame held against the surface as it should look from a pose: sums over the pixels of the coarsest maps, each counting
+/* A frame held against the surface as it should look from a pose: sums over the pixels of the view's level, each counting
  * by the root of its confidence (that of alignment), one at most, so that a noisy background doesn't outvote what is near. */
 typedef struct {
     float visible; /* where the surface should be seen, and the frame sees something */
@@ -28,6 +30,9 @@ void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, c
 
 /* Queues the ray-cast of what the camera should see from there. */
 void model_view_cast(model_view *w, device *d, volume *v, const pose *camera_to_world);
+
+/* The part of its pixels in which the camera should see some surface from there. Waits for the device. */
+double model_view_part(model_view *w, device *d, volume *v, const pose *camera_to_world);
 
 /* Queues the wide map as seen from a pose. */
 void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camera_to_world);

@@ -1,8 +1,12 @@
 #include "quality.h"
 
+int least_pairs(const fathom_config *c, int pixels) {
+    int least = c->min_pairs > 0 ? c->min_pairs : pixels / 100;
+    return least < 6 ? 6 : least;
+}
+
 fathom_verdict judge(const fathom_config *c, const alignment *a, double innovation) {
-    int min_pairs = c->min_pairs > 0 ? c->min_pairs : a->pixels / 100;
-    if (a->pairs < 6 || a->pairs < min_pairs) return FATHOM_VERDICT_FEW_PAIRS;
+    if (a->pairs < least_pairs(c, a->pixels)) return FATHOM_VERDICT_FEW_PAIRS;
     if (a->pairs < c->min_overlap * a->overlap) return FATHOM_VERDICT_OVERLAP;
     if (!(a->rms <= c->max_rms_m)) return FATHOM_VERDICT_RESIDUAL;
     if (c->prior == FATHOM_PRIOR_SEED && !(a->condition <= c->max_condition)) return FATHOM_VERDICT_CONDITION;

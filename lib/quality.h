@@ -5,6 +5,9 @@
 #include "align.h"
 #include "model_view.h"
 
+/* Fewer pairs are too few, of a map with so many pixels. */
+int least_pairs(const fathom_config *config, int pixels);
+
 /* innovation: the distance from seed to result in units of the seed's sigma. */
 fathom_verdict judge(const fathom_config *config, const alignment *a, double innovation);
 

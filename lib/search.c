@@ -63,7 +63,7 @@ static double largest_sigma(const double c[36]) {
 static double score(aligner *a, device *d, depth_maps *maps, model_view *w, const pose *motion,
                     normal_equations *e) {
     const double centre[3] = {0, 0, 1.5};
-    align_reduce(a, d, maps, 0, motion, &w->map, &w->wide, DISTANCE_M, HUBER_M, centre, e);
+    align_reduce(a, d, maps, w->level, motion, &w->map, &w->wide, DISTANCE_M, HUBER_M, centre, e);
     return e->weight;
 }
 

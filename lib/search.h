@@ -1,4 +1,4 @@
-/* Finding back: poses about the seed, as its covariance spreads them, are held against the surface on the coarsest maps; the
+/* Finding back: poses about the seed, as its covariance spreads them, are held against the surface on the view's maps; the
  * best are refined a little and left to alignment and the verdict. */
 #ifndef FATHOM_SEARCH_H
 #define FATHOM_SEARCH_H

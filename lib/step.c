@@ -14,6 +14,10 @@
 
 #define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
 
+/* So many frames are looked for after the camera was lost, then every RARE-th, so that a board keeps up. */
+#define EAGER 15
+#define RARE 30
+
 #define CALM_M 0.03 /* the camera's way from one fused frame to the next */
 #define CALM_RAD 0.04
 
@@ -172,9 +176,31 @@ static double valid_part(const fathom_config *c, const fathom_depth_frame *scan)
     return (double)valid / (rows * scan->width);
 }
 
-/* A hundredth of the frame must be valid: a few stray pixels under a covered lens are no world to find back to. */
+/* Of the frame: a few stray pixels under a covered lens are no world to find back to. */
+#define LEAST_VALID 0.01
+
 static bool has_depth(const fathom_config *c, const fathom_depth_frame *scan) {
-    return valid_part(c, scan) >= 0.01;
+    return valid_part(c, scan) >= LEAST_VALID;
+}
+
+/* Too little surface for enough pairs lies before the camera: there is no need to cast the fine maps. After a tracked frame
+ * there is enough. */
+static bool nothing_in_view(fathom *f, const pose *seed) {
+    if (f->result.state < FATHOM_RECKONED || f->config.against != FATHOM_AGAINST_MODEL) return false;
+    const kernel_camera *c = &f->maps.camera[FINEST];
+    double pixels = (double)c->width * c->height;
+    return pixels * model_view_part(&f->view, &f->device, &f->volume, seed) <
+           least_pairs(&f->config, c->width * c->height);
+}
+
+/* A frame that isn't aligned. */
+static void leave(const fathom *f, const fathom_depth_frame *scan, const pose *seed, alignment *icp,
+                  fathom_result *r) {
+    *icp = (alignment){.motion = *seed, .condition = INFINITY};
+    report_alignment(icp, r);
+    r->prior_rotation_rad = r->prior_translation_m = r->innovation_sigmas = 0;
+    r->agreement = r->see_through = NAN;
+    r->verdict = has_depth(&f->config, scan) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
 }
 
 /* Aligns from a seed, and judges. */
@@ -183,6 +209,11 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
     const fathom_config *c = &f->config;
     double twist[6];
     r->seeded = seeded;
+    double valid = valid_part(c, scan);
+    if (valid < LEAST_VALID || (!seeded && nothing_in_view(f, seed))) {
+        leave(f, scan, seed, icp, r);
+        return;
+    }
     align_scan(f, seed, predicted, icp, r);
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && icp->pairs > 0;
     if (recast && !maps_hold(f, &icp->motion, FINEST)) align_again(f, predicted, icp, r);
@@ -197,8 +228,7 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
         gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
     r->innovation_sigmas = (float)covariance_mahalanobis(gate, twist);
     r->agreement = r->see_through = NAN;
-    double valid = valid_part(c, scan);
-    r->verdict = valid >= 0.01 ? judge(c, icp, r->innovation_sigmas) : FATHOM_VERDICT_NO_DEPTH;
+    r->verdict = judge(c, icp, r->innovation_sigmas);
     bool evident = seeded && icp->pairs >= c->evident_pairs * valid * icp->pixels &&
                    r->innovation_sigmas <= c->evident_sigmas;
     if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident) {
@@ -276,6 +306,11 @@ static void second_attempt(fathom *f, const fathom_depth_frame *scan, const pose
     *r = o;
 }
 
+/* Lost for long: this frame isn't looked for. */
+static bool rests(const fathom *f) {
+    return f->missed >= EAGER && f->missed % RARE != 0;
+}
+
 static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     if (f->paused) { /* there is nothing to align with, and nothing may be fused */
         r->state = FATHOM_RECKONED;
@@ -300,11 +335,15 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
     pose seed = pose_multiply(&f->pose, &d.motion);
     const double *predicted = d.pose_covariance;
     alignment icp;
-    bool seeded = position_sigma(predicted) < c->seeded_sigma_m;
-    attempt(f, scan, &seed, predicted, seeded, &icp, r);
-    if (seeded && failed(r)) attempt(f, scan, &seed, predicted, false, &icp, r);
-    second_attempt(f, scan, &seed, &icp, r);
-    search(f, scan, &seed, predicted, &icp, r);
+    if (rests(f)) {
+        leave(f, scan, &seed, &icp, r);
+    } else {
+        bool seeded = position_sigma(predicted) < c->seeded_sigma_m;
+        attempt(f, scan, &seed, predicted, seeded, &icp, r);
+        if (seeded && failed(r)) attempt(f, scan, &seed, predicted, false, &icp, r);
+        second_attempt(f, scan, &seed, &icp, r);
+        search(f, scan, &seed, predicted, &icp, r);
+    }
 
     if (r->verdict == FATHOM_VERDICT_TRACKING) {
         f->pose = icp.motion;
@@ -325,6 +364,7 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
         inertial_advance(&f->inertial, r->timestamp_ns);
         r->state = position_sigma(predicted) > c->lost_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
     }
+    f->missed = r->state == FATHOM_LOST && failed(r) ? f->missed + 1 : 0;
     /* a pose that geometry alone has settled is evidence, whatever inertia thinks of it */
     bool tracked = r->state == FATHOM_TRACKED, settled = tracked || r->verdict == FATHOM_VERDICT_INNOVATION;
     settled = settled && icp.condition < 0.5 * c->max_condition;

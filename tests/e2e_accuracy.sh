@@ -86,6 +86,8 @@ lanes=$!
 (
     "$fathom" simulate room room --clean --threads 1 >room-made 2>room.err && replay room room
     rm -rf room
+    "$fathom" simulate room small --size 80x60 --frames 150 --still 0 --threads 1 >small-made 2>small.err && replay small small
+    rm -rf small
     if [ $has_kitchen ]; then
         replay "$kitchen" single --stride 1 --iterations 0,0,1
         replay "$kitchen" stride2 --stride 2
@@ -132,6 +134,8 @@ else
 fi
 complete room 300 && within room 0.002
 result "simulated room without noise: all frames tracked, error at most 2 mm" room
+complete small 150 && within small 0.015
+result "simulated room in 80x60 pixels: all frames tracked, error at most 15 mm" small
 [ "$(figure wall lost)" = 0 ] && within wall 0.01
 result "simulated bare wall: error at most 10 mm, never lost" wall
 [ "$(figure slides tracked)" -lt 200 ]

@@ -20,7 +20,7 @@ def table(head, rows):
 
 
 def paragraph(lines):
-    return [*textwrap.wrap(" ".join(lines), 124), ""]
+    return [*textwrap.wrap(" ".join(lines), 124, break_on_hyphens=False), ""]
 
 
 def sentence(text):

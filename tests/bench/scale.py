@@ -17,10 +17,18 @@ SIZES = ("80x60", "160x120", "320x240", "640x480", "1280x720")
 VOXELS = (0.04, 0.02, 0.01, 0.005)
 WARM = 10  # frames that don't count
 STRETCH_M = 1.0  # of the way, over which time is taken together
+SPEED = 3  # times the usual pace
+SHOWN_M = (1, 2, 3, 5, 10, 15, 20, 30, 40, 50, 60, 70, 80, 90, 100, 150, 200, 300, 500, 1000)  # stretches' ends
 
 NOTES = """Time: median milliseconds of a step, and its 95th percentile. Surface: blocks in use at 2 KB and 16 bytes
 each; the pool's bound is what the memory cap leaves for blocks. Resident: the most of the whole process, the OpenCL
 runtime included.""".split("\n")
+
+WAY_NOTES = """The camera walks at {pace:.1f} m/s, three times the usual pace, and turns as fast as that: the faster
+it turns, the more a frame costs. At the bound `--when-full drop` lets the blocks seen longest ago make room (replay
+keeps those in a file), `--when-full stop` takes no more surface: then the walk leaves the surface, is reckoned and
+lost, and of the frames lost one in 30 is looked for. A line is the last metre before. Drift: of the position, in per
+cent of the way, with the first pose laid on the truth.""".split("\n")
 
 
 def log(text):
@@ -40,6 +48,26 @@ def arguments():
     if options.frames <= WARM:
         parser.error(f"--frames is more than {WARM}")
     return options
+
+
+def poses(lines):
+    """4x4 matrices of TUM lines."""
+    x, y, z, w = (lines[:, 4:8] / np.linalg.norm(lines[:, 4:8], axis=1, keepdims=True)).T
+    matrices = np.tile(np.eye(4), (len(lines), 1, 1))
+    matrices[:, :3, :3] = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                                    [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                                    [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]).transpose(2, 0, 1)
+    matrices[:, :3, 3] = lines[:, 1:4]
+    return matrices
+
+
+def drifts(lines, truth):
+    """The way truly walked to each frame, and how far off its position is, with the first pose laid on the truth."""
+    nearest = np.abs(truth[:, 0][None, :] - lines[:, 0][:, None]).argmin(axis=1)
+    found, true = poses(lines), poses(truth[nearest])
+    found = true[0] @ np.linalg.inv(found[0]) @ found
+    steps = np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)
+    return np.concatenate(([0], np.cumsum(steps))), np.linalg.norm(found[:, :3, 3] - true[:, :3, 3], axis=1)
 
 
 class Runs:
@@ -67,11 +95,12 @@ class Runs:
                                     str(threads), *extra], threads)
         with open(stats, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        places = np.loadtxt(way)[:, 1:4]
-        walked = np.concatenate(([0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))))
+        truth = np.loadtxt(os.path.join(folder, "groundtruth.txt"))
+        walked, drift = drifts(np.loadtxt(way), truth)
         summary = dict(field.split("=", 1) for field in output.strip().splitlines()[-1].split())
         ms = [float(row["ms_total"]) for row in rows]
         return {"ms": ms, "blocks": [int(row["blocks"]) for row in rows], "walked": walked,
+                "drift": drift, "states": [row["state"] for row in rows],
                 "median": float(np.median(ms[WARM:])), "p95": quantile(ms[WARM:], 0.95),
                 "tracked": int(summary["tracked"]), "frames": len(rows), "ate": float(summary["ate_rmse_m"]),
                 "arena_mb": float(summary["arena_mb"]), "resident_mb": measured["resident_mb"]}
@@ -109,17 +138,26 @@ def by_threads(runs, threads):
     return [(n, runs.replay(folder, "--voxel", "0.01", threads=n)) for n in threads if n <= runs.cores]
 
 
-def by_length(runs, length):
-    """One long walk, cut into stretches."""
-    folder = runs.simulate("corridor", "corridor", "--length", f"{length:g}", "--size", "320x240", "--speed", "3")
-    run = runs.replay(folder, "--voxel", "0.01")
-    stretches = []
+def stretches(run):
+    """By metre of the way: its end, median and 95th percentile of the time, blocks, tracked of frames, drift at its end."""
+    found = []
     for at in np.arange(0, run["walked"][-1], STRETCH_M):
         chosen = [i for i in range(WARM, run["frames"]) if at <= run["walked"][i] < at + STRETCH_M]
-        if chosen:
-            ms = [run["ms"][i] for i in chosen]
-            stretches.append((at + STRETCH_M, float(np.median(ms)), quantile(ms, 0.95), run["blocks"][chosen[-1]]))
-    return run, stretches
+        if not chosen:
+            continue
+        ms = [run["ms"][i] for i in chosen]
+        tracked = sum(run["states"][i] == "tracked" for i in chosen)
+        found.append({"to": at + STRETCH_M, "median": float(np.median(ms)), "p95": quantile(ms, 0.95),
+                      "blocks": run["blocks"][chosen[-1]], "tracked": tracked, "frames": len(chosen),
+                      "drift": run["drift"][chosen[-1]]})
+    return found
+
+
+def by_length(runs, length):
+    """One long walk, with either setting of what happens at the pool's bound."""
+    folder = runs.simulate("corridor", "corridor", "--length", f"{length + 1:g}", "--size", "320x240", "--speed",
+                           str(SPEED))
+    return [(when, runs.replay(folder, "--voxel", "0.01", "--when-full", when)) for when in ("drop", "stop")]
 
 
 def panel(axes, label, x, median, p95, memory, names=None):
@@ -127,17 +165,32 @@ def panel(axes, label, x, median, p95, memory, names=None):
     axes.plot(x, p95, ":", color="tab:blue", label="95th percentile")
     axes.set_xlabel(label)
     axes.set_ylabel("ms a frame", color="tab:blue")
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, 1.25 * max(p95))
     other = axes.twinx()
     other.plot(x, memory, "s-", color="tab:orange", markersize=3)
     other.set_ylabel("surface, MB", color="tab:orange")
-    other.set_ylim(bottom=0)
+    other.set_ylim(0, 1.25 * max(memory))
     if names:
         axes.set_xticks(x, names)
     axes.legend(fontsize=7, loc="upper left")
 
 
-def draw(path, sizes, voxels, stretches, threads):
+def way_panel(axes, walks):
+    other = axes.twinx()
+    for (when, run), dashes in zip(walks, ("-", ":")):
+        parts = stretches(run)
+        at = [part["to"] for part in parts]
+        axes.plot(at, [part["median"] for part in parts], dashes, color="tab:blue", label=f"median, {when}")
+        other.plot(at, [surface_mb(part["blocks"]) for part in parts], dashes, color="tab:orange")
+    axes.set_xlabel("way walked, m")
+    axes.set_ylabel("ms a frame", color="tab:blue")
+    axes.set_ylim(bottom=0)
+    other.set_ylabel("surface, MB", color="tab:orange")
+    other.set_ylim(bottom=0)
+    axes.legend(fontsize=7, loc="lower right")
+
+
+def draw(path, sizes, voxels, walks, threads):
     import matplotlib
     matplotlib.use("Agg")
     from matplotlib import pyplot
@@ -149,15 +202,26 @@ def draw(path, sizes, voxels, stretches, threads):
 
     runs_panel(all_axes[0][0], "depth frame", sizes, str)
     runs_panel(all_axes[0][1], "voxel, mm", voxels, lambda voxel: f"{1000 * voxel:g}")
-    at, median, p95, blocks = zip(*stretches)
-    panel(all_axes[1][0], "way walked, m", at, median, p95, [surface_mb(count) for count in blocks])
+    way_panel(all_axes[1][0], walks)
     runs_panel(all_axes[1][1], "threads", threads, str)
     figure.tight_layout()
     os.makedirs(os.path.dirname(path), exist_ok=True)
     figure.savefig(path, dpi=90)
 
 
-def write(options, described, sizes, voxels, walk, stretches, threads):
+def way_lines(options, walks):
+    pace = walks[0][1]["walked"][-1] / walks[0][1]["frames"] * 30
+    lines = [f"## Length of the way: simulated corridor of {options.length:g} m, 320x240, 1 cm", "",
+             *paragraph([note.format(pace=pace) for note in WAY_NOTES])]
+    for when, run in walks:
+        rows = [[f"{part['to']:.0f}", f"{part['median']:.1f}", f"{part['p95']:.1f}", f"{surface_mb(part['blocks']):.1f}",
+                 f"{part['tracked']} of {part['frames']}", f"{100 * part['drift'] / part['to']:.2f}"]
+                for part in stretches(run) if round(part["to"]) in SHOWN_M]
+        lines += table([f"metres, {when}", "median", "95 %", "surface MB", "tracked", "drift %"], rows)
+    return lines + table(columns("the whole walk"), [row_of(when, run) for when, run in walks])
+
+
+def write(options, described, sizes, voxels, walks, threads):
     lines = ["# Cost as the work grows", "", "Made by `make bench-scale` (tests/bench/scale.py); not written by hand.", "",
              *[sentence(line)[:-1] + "  " for line in machine.lines(described)], "", *paragraph(NOTES),
              "![Time and memory against depth size, voxel size, way and threads](results/scale.png)", "",
@@ -166,12 +230,7 @@ def write(options, described, sizes, voxels, walk, stretches, threads):
              "## Voxel size: the same at 640x480, up to 512 MB", "",
              *table(columns("voxel"), [row_of(f"{1000 * voxel:g} mm", run) for voxel, run in voxels]),
              "## Threads: the same at 1 cm", "", *table(columns("threads"), [row_of(str(n), run) for n, run in threads]),
-             f"## Length of the way: simulated corridor of {options.length:g} m, 320x240, 1 cm", ""]
-    few = [stretches[i] for i in np.unique(np.geomspace(1, len(stretches), min(12, len(stretches))).astype(int) - 1)]
-    lines += table(["metres", "median", "95 %", "surface MB"],
-                   [[f"{at:.0f}", f"{median:.1f}", f"{p95:.1f}", f"{surface_mb(blocks):.1f}"]
-                    for at, median, p95, blocks in few])
-    lines += table(columns("the whole walk"), [row_of(f"{walk['walked'][-1]:.0f} m", walk)])
+             *way_lines(options, walks)]
     path = os.path.join(options.docs, "SCALE.md")
     with open(path + ".part", "w", encoding="utf-8") as file:
         file.write("\n".join(lines).rstrip("\n") + "\n")
@@ -187,12 +246,12 @@ def main():
         sizes = by_size(runs, options.sizes.split(","))
         voxels = by_voxel(runs, [float(voxel) for voxel in options.voxels.split(",")])
         threads = by_threads(runs, [int(n) for n in options.threads.split(",")])
-        walk, stretches = by_length(runs, options.length)
+        walks = by_length(runs, options.length)
     except Failed as failure:
         log(failure)
         return 1
-    draw(os.path.join(options.docs, "results", "scale.png"), sizes, voxels, stretches, threads)
-    write(options, described, sizes, voxels, walk, stretches, threads)
+    draw(os.path.join(options.docs, "results", "scale.png"), sizes, voxels, walks, threads)
+    write(options, described, sizes, voxels, walks, threads)
     shutil.rmtree(runs.work, ignore_errors=True)
     return 0
 
