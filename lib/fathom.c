@@ -137,6 +137,8 @@ static void start_over(fathom *f) {
     f->timestamp_ns = INT64_MIN;
     f->started = f->said_full = false;
     f->cast_coarsest = FATHOM_LEVELS;
+    f->drawn = 0;
+    f->missed = 0;
     memset(&f->result, 0, sizeof f->result);
     f->result.state = FATHOM_RECKONED;
     f->result.verdict = FATHOM_VERDICT_NO_DEPTH;

@@ -123,7 +123,7 @@ static void align_again(fathom *f, const double predicted[36], alignment *icp, f
 void fuse(fathom *f, const pose *at, fathom_result *r) {
     double start = now_ms();
     pose way = pose_between(&f->fused, at);
-    bool calm = pose_distance(&way) < CALM_M && pose_angle(&way) < CALM_RAD;
+    bool calm = f->started && pose_distance(&way) < CALM_M && pose_angle(&way) < CALM_RAD;
     f->fused = *at;
     int64_t dropped = f->volume.dropped, restored = f->volume.restored;
     int wanted = volume_request(&f->volume, &f->device, &f->maps, at, calm);

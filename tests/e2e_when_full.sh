@@ -40,14 +40,14 @@ large=$(faces mesh/large.ply)
 check "with room for all of it: nothing is said"
 rm mesh/large.ply
 
-# The least memory that is accepted, and 4 MB of blocks: more than one view, half the room.
+# The least memory that is accepted, and 3 MB of blocks: more than one view, half the room.
 memory=3
 status=2
 while [ $status -eq 2 ] && [ $memory -lt 32 ]; do
     memory=$((memory + 1))
     run "$fathom" replay room --voxel 0.02 --stride 150 --memory $memory
 done
-memory=$((memory + 4))
+memory=$((memory + 3))
 
 run "$fathom" replay room --voxel 0.02 --memory $memory --mesh mesh/stop.ply
 [ $status -eq 0 ] && [ "$(faces mesh/stop.ply)" -lt $((large * 85 / 100)) ] && grep -q 'warning: .*pool is full' err
