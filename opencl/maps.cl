@@ -35,10 +35,6 @@ inline float8 source_depths(global const ushort *raw, depth_source s, int x, int
     } else if (!s.distorted && s.factor == 2 && 2 * x + 16 <= s.width) {
         ushort16 pairs = vload16(0, row + 2 * x);
         units = i == 0 ? pairs.even : pairs.odd;
-    } else if (!s.distorted && s.factor == 4 && 4 * x + 32 <= s.width) {
-        ushort16 a = vload16(0, row + 4 * x), b = vload16(1, row + 4 * x);
-        ushort8 c = i & 1 ? a.odd : a.even, d = i & 1 ? b.odd : b.even;
-        units = i & 2 ? (ushort8)(c.odd, d.odd) : (ushort8)(c.even, d.even);
     } else {
         ushort v[8];
         for (int k = 0; k < 8; k++) {
