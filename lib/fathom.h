@@ -479,7 +479,8 @@ typedef struct {
 
 /* Ray-casts the surface (Newcombe et al. 2011, Section 3.3) into the caller's buffers of width*height pixels, row by row:
  * depth in metres along the optical axis (0: nothing there), normals as 3 floats in the view's camera axes, pointing to
- * the camera, of length 1, rounded to a tenth of a degree. Either may be NULL. Only fronts of surfaces are seen, so that a room can be looked at from outside. */
+ * the camera, of length 1, rounded to a tenth of a degree. Either may be NULL. Only fronts of surfaces are seen, so that a
+ * room can be looked at from outside. */
 FATHOM_API int fathom_model_maps(fathom *context, const fathom_view *view, float *depth, float *normals);
 
 /* The same as a shaded picture, 3 bytes (R G B) a pixel. */
