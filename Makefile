@@ -26,29 +26,34 @@ SAN_FLAGS = -fsanitize=$(SANITIZE) -fno-sanitize-recover=all -fno-omit-frame-poi
 endif
 OPTIMISE ?= -O2 -g
 WARN     = -Wall -Wextra -Wshadow -Wpointer-arith -Wvla
-CPPFLAGS += -Ilib -Idrivers -MMD -MP
+CPPFLAGS += -Ilib -Idrivers -Iexamples -Itests -Itests/support -MMD -MP
 ALL_CFLAGS   = -std=c11 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -Wstrict-prototypes -Wmissing-prototypes -fPIC \
                -fvisibility=hidden -ffp-contract=off $(SAN_FLAGS) $(CFLAGS)
 ALL_CXXFLAGS = -std=c++17 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -fPIC -fvisibility=hidden -fvisibility-inlines-hidden \
-               -ffp-contract=off -fno-exceptions -fno-rtti -DEIGEN_NO_MALLOC \
+               -ffp-contract=off -fno-exceptions -fno-rtti -fno-gnu-unique -DEIGEN_NO_MALLOC \
                $(shell pkg-config --cflags eigen3 2>/dev/null | sed 's/-I/-isystem /g') $(SAN_FLAGS) $(CXXFLAGS)
 ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 
 KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
-LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard lib/*.c lib/*.cpp)) $(BUILD)/kernels.o
-DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/openni2_%.c) $(if $(filter 1,$(WITH_HIDAPI)),,drivers/hid_source.c) \
-              $(if $(filter 1,$(WITH_LIBUSB)),,drivers/usb_source.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/iio_source.c) \
-              $(if $(filter 1,$(WITH_UDP)),,drivers/udp_source.c)
+# Sources of a folder and of those in it.
+sources_in  = $(sort $(foreach f,$(1),$(wildcard $(f)/*.c $(f)/*.cpp $(f)/*/*.c $(f)/*/*.cpp $(f)/*/*/*.c)))
+CHECK_SRC   = $(wildcard lib/selftest/*.c)
+LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(filter-out $(CHECK_SRC),$(call sources_in,lib))) $(BUILD)/kernels.o
+DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/camera/openni2_%.c) $(if $(filter 1,$(WITH_HIDAPI)),,drivers/imu/hid_source.c) \
+              $(if $(filter 1,$(WITH_LIBUSB)),,drivers/imu/usb_source.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/imu/iio_source.c) \
+              $(if $(filter 1,$(WITH_UDP)),,drivers/imu/udp_source.c)
 DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$(WITH_$(w)))
-DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(wildcard drivers/*.c)))
-CHECK_OBJ   = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/reference*.c tests/kernel_checks*.c))
-CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(wildcard examples/cli/*.c examples/cli/*.cpp)) $(CHECK_OBJ)
+DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(call sources_in,drivers)))
+CHECK_OBJ   = $(patsubst %,$(BUILD)/%.o,$(CHECK_SRC))
+CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,examples/fathom examples/simulate examples/calibrate)) $(CHECK_OBJ)
 LIB_SO      = $(BUILD)/libfathom.so.$(VERSION)
 DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm
 DRIVERS_PACKAGES = libpng $(if $(filter 1,$(WITH_OPENNI2)),libopenni2) $(if $(filter 1,$(WITH_HIDAPI)),hidapi-hidraw) \
                    $(if $(filter 1,$(WITH_LIBUSB)),libusb-1.0) $(if $(filter 1,$(WITH_LIBIIO)),libiio)
 DRIVERS_LIBS = $(shell pkg-config --libs $(DRIVERS_PACKAGES) 2>/dev/null) -lpthread -lm
+
+OBJCOPY ?= objcopy
 
 # make V=1 shows the commands whole.
 Q = $(if $(V),,@)
@@ -82,15 +87,15 @@ $(BUILD)/drivers/with: FORCE
 .PHONY: FORCE
 FORCE:
 
-$(BUILD)/drivers/hid_source.c.o: CPPFLAGS += $(shell pkg-config --cflags hidapi-hidraw 2>/dev/null | sed 's/-I/-isystem /g')
-$(BUILD)/drivers/usb_source.c.o: CPPFLAGS += $(shell pkg-config --cflags libusb-1.0 2>/dev/null | sed 's/-I/-isystem /g')
-$(BUILD)/drivers/openni2_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/drivers/imu/hid_source.c.o: CPPFLAGS += $(shell pkg-config --cflags hidapi-hidraw 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/drivers/imu/usb_source.c.o: CPPFLAGS += $(shell pkg-config --cflags libusb-1.0 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/drivers/camera/openni2_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 
 # The kernels' text, one C string a file, so that nothing has to be installed beside the library.
-$(BUILD)/kernels.c: $(KERNELS) lib/embed.sh
+$(BUILD)/kernels.c: $(KERNELS) lib/cl/embed.sh
 	@mkdir -p $(@D)
 	$(call say,GEN)
-	$(Q)sh lib/embed.sh $(KERNELS) > $@
+	$(Q)sh lib/cl/embed.sh $(KERNELS) > $@
 
 $(BUILD)/kernels.o: $(BUILD)/kernels.c
 	$(call say,CC)
@@ -105,19 +110,20 @@ $(BUILD)/libfathom.so: $(LIB_SO)
 	$(Q)ln -sf libfathom.so.$(VERSION) $(BUILD)/libfathom.so.$(VERSION_MAJOR)
 	$(Q)ln -sf libfathom.so.$(VERSION_MAJOR) $@
 
+# An archive holds one object in which all hidden names are local, so that a caller's own step() or align() is neither
+# taken for the library's nor in its way.
 $(BUILD)/libfathom.a: $(LIB_OBJ)
-	$(call say,AR)
-	$(Q)rm -f $@
-	$(Q)$(AR) rcs $@ $^
-
 $(DRIVERS_A): $(DRIVERS_OBJ)
+$(BUILD)/libfathom.a $(DRIVERS_A):
 	$(call say,AR)
 	$(Q)rm -f $@
-	$(Q)$(AR) rcs $@ $^
+	$(Q)$(LD) -r --force-group-allocation -o $(@:.a=.o) $^
+	$(Q)$(OBJCOPY) --localize-hidden $(@:.a=.o)
+	$(Q)$(AR) rcs $@ $(@:.a=.o)
 
-$(BUILD)/fathom: $(CLI_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a
+$(BUILD)/fathom: $(CLI_OBJ) $(DRIVERS_OBJ) $(LIB_OBJ)
 	$(call say,LD)
-	$(Q)$(CXX) -o $@ $(CLI_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
+	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 
 # ---- house ----------------------------------------------------------------------------------------------------------
@@ -163,7 +169,7 @@ bench-scale: deps
 	@$(MAKE) --no-print-directory all
 	sh tests/bench/scale.sh $(BUILD) $(SCALE)
 
-# The record that tests/e2e_instructions.sh holds stages to.
+# The record that tests/e2e/instructions.sh holds stages to.
 instructions: deps
 	@$(MAKE) --no-print-directory all
 	sh tests/bench/instructions.sh $(BUILD) --update
@@ -219,49 +225,54 @@ soak: deps
 	sh tests/soak.sh $(BUILD) $(SOAK_SECONDS)
 
 # ---- tests ----------------------------------------------------------------------------------------------------------
-# tests/test_*.c are cmocka programs, tests/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
+# tests/unit/*/test_*.c are cmocka programs, tests/e2e/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
 
-TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,tests/test_openni2%.c) $(if $(filter 1,$(WITH_UDP)),,tests/test_udp_source.c)
-TESTS       = $(patsubst tests/%.c,$(BUILD)/tests/%,$(filter-out $(TESTS_OUT),$(sort $(wildcard tests/test_*.c))))
-SUPPORT_OBJ = $(filter-out $(CHECK_OBJ),$(patsubst %,$(BUILD)/%.o,$(filter-out $(wildcard tests/test_*.c),$(wildcard tests/*.c))))
-CLI_PARTS   = $(filter-out $(BUILD)/examples/cli/main.c.o,$(CLI_OBJ))
+TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,test_openni2%) $(if $(filter 1,$(WITH_UDP)),,test_udp_source)
+TESTS_SRC   = $(sort $(wildcard tests/unit/*/test_*.c))
+TESTS       = $(addprefix $(BUILD)/tests/,$(filter-out $(TESTS_OUT),$(notdir $(TESTS_SRC:.c=))))
+SUPPORT_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/support/*.c))
+CLI_PARTS   = $(filter-out $(BUILD)/examples/fathom/main.c.o,$(CLI_OBJ))
+# Unit tests see the library's inside, so they link its objects: nothing but fathom_* leaves the archives.
+INSIDE      = $(CLI_PARTS) $(DRIVERS_OBJ) $(LIB_OBJ)
 
 $(BUILD)/tests/test_heap: $(BUILD)/tests/bench/heap_count.c.o
-$(BUILD)/tests/test_heap: COUNTER = $(BUILD)/tests/bench/heap_count.c.o
-$(BUILD)/tests/test_%: $(BUILD)/tests/test_%.c.o $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
-	$(call say,LD)
-	$(Q)$(CXX) -o $@ $< $(COUNTER) $(SUPPORT_OBJ) $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
+define unit_test
+$(BUILD)/tests/$(notdir $(1:.c=)): $(BUILD)/$(1).o $(SUPPORT_OBJ) $(INSIDE)
+	$$(call say,LD)
+	$$(Q)$$(CXX) -o $$@ $$(filter %.o,$$^) $$(ALL_LDFLAGS) -lcmocka $$(DRIVERS_LIBS) $$(LIB_LIBS)
+endef
+$(foreach t,$(TESTS_SRC),$(eval $(call unit_test,$(t))))
 
 VM_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/vm/*.c))
-$(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_A) $(BUILD)/libfathom.a
+$(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_OBJ) $(LIB_OBJ)
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) -lcmocka $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # Virtual cameras for test_openni2, as a driver that libOpenNI2 loads.
 VIRTUAL_DEPTH = $(BUILD)/tests/openni2/libVirtualDepth.so.0
 $(BUILD)/tests/openni2/%.cpp.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
-$(BUILD)/tests/test_openni2.c.o $(BUILD)/tests/test_openni2_parts.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
-$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(DRIVERS_A) $(BUILD)/libfathom.a
+$(BUILD)/tests/unit/drivers/test_openni2.c.o $(BUILD)/tests/unit/drivers/test_openni2_parts.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
+$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(DRIVERS_OBJ)
 	$(call say,LD)
 	$(Q)$(CXX) -shared -o $@ $^ $(ALL_LDFLAGS) $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 $(BUILD)/tests/test_openni2: | $(VIRTUAL_DEPTH)
 
 # What make reproduce measures with beside the fathom command.
-$(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
+$(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(INSIDE)
 	$(call say,LD)
-	$(Q)$(CXX) -o $@ $< $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
+	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # What make bench measures with beside it.
 $(BUILD)/tests/bench/limit: $(BUILD)/tests/bench/machine_limit.c.o $(BUILD)/tests/bench/stage_work.c.o
-$(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(CLI_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.a
+$(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 	$(call say,LD)
-	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(DRIVERS_A) $(BUILD)/libfathom.a $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
+	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
-HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/cli/,playback.c settings.c options.c cli.c log.c))
-$(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_A) $(BUILD)/libfathom.so
+HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/fathom/,playback.c settings.c options.c cli.c log.c))
+$(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
-	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_A) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)
+	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)
 
 $(BUILD)/tests/bench/libheap_count.so: $(BUILD)/tests/bench/heap_count.c.o
 	$(call say,LD)

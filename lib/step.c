@@ -9,8 +9,8 @@
 #include <string.h>
 #include <time.h>
 
-#include "context.h"
-#include "eviction.h"
+#include "api/context.h"
+#include "map/eviction.h"
 
 #define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
 

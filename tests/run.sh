@@ -41,17 +41,17 @@ once() {
 san() { # the same under the sanitizers; the OpenCL runtime's own leaks are not ours
     name=$1
     shift
-    ASAN_OPTIONS=detect_leaks=1 LSAN_OPTIONS=suppressions=tests/lsan.supp:print_suppressions=0 \
+    ASAN_OPTIONS=detect_leaks=1 LSAN_OPTIONS=suppressions=tests/support/lsan.supp:print_suppressions=0 \
         UBSAN_OPTIONS=print_stacktrace=1 run "$name" once "$@"
 }
 
-for t in tests/test_*.c; do
+for t in tests/unit/*/test_*.c; do
     name=$(basename "$t" .c)
     [ -x "$build/tests/$name" ] || { echo "$name: not in this build" && continue; }
     run "$name" "$build/tests/$name"
     san "$name-sanitized" "$build/sanitize/tests/$name"
 done
-for t in tests/e2e_*.sh; do run "$(basename "$t" .sh)" sh "$t" "$build"; done
+for t in tests/e2e/*.sh; do run "e2e_$(basename "$t" .sh)" sh "$t" "$build"; done
 
 echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" -eq 0 ]

@@ -3,7 +3,7 @@
 # plugged in again and again. Usage: sh tests/soak.sh BUILD_DIR [SECONDS]. Prints TAP, with what was measured in comments; exits 1
 # when a case failed. Not part of make check: it wants a machine that has nothing else to do.
 set -u
-. "$(dirname "$0")/tap.sh"
+. "$(dirname "$0")/support/tap.sh"
 
 build=${1:?usage: sh tests/soak.sh BUILD_DIR [SECONDS]}
 seconds=${2:-60}

@@ -8,9 +8,9 @@
 #include <string.h>
 #include <time.h>
 
-#include "../../examples/cli/cli.h"
-#include "../../examples/cli/playback.h"
-#include "context.h"
+#include "fathom/cli.h"
+#include "fathom/playback.h"
+#include "api/context.h"
 
 enum { MAPS, ALLOCATE, FUSE, STAGES };
 

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../../examples/cli/cli.h"
-#include "../../examples/cli/playback.h"
-#include "heap_count.h"
+#include "fathom/cli.h"
+#include "fathom/playback.h"
+#include "bench/heap_count.h"
 
 #define FIRST 10 /* frames that don't count */
 

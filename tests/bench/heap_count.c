@@ -3,7 +3,7 @@
 #include <stddef.h>
 
 #pragma GCC visibility push(default) /* seen by every library in the process */
-#include "heap_count.h"
+#include "bench/heap_count.h"
 
 void *__libc_malloc(size_t size);
 void *__libc_calloc(size_t count, size_t size);

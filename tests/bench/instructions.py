@@ -80,7 +80,7 @@ def read_record(path):
 def write_record(path, record):
     with open(path + ".part", "w", encoding="utf-8") as file:
         file.write("# Instructions by stage, a section for each toolchain; written by make instructions, held by\n"
-                   "# tests/e2e_instructions.sh: a stage that grows by more than a tenth needs a new record.\n")
+                   "# tests/e2e/instructions.sh: a stage that grows by more than a tenth needs a new record.\n")
         for toolchain, counts in record.items():
             file.write(f"\n[{toolchain}]\n")
             file.writelines(f"{count:12} {stage}\n" for stage, count in counts.items())

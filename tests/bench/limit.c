@@ -9,8 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../../examples/cli/cli.h"
-#include "../../examples/cli/playback.h"
+#include "fathom/cli.h"
+#include "fathom/playback.h"
 #include "machine_limit.h"
 #include "stage_work.h"
 

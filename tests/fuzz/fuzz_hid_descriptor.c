@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hid_sensor.h"
+#include "imu/hid_sensor.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hid_models.h"
+#include "imu/hid_models.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

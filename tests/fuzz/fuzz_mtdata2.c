@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "mtdata2.h"
+#include "imu/mtdata2.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "fathom_drivers.h"
-#include "openni2_oni.h"
+#include "camera/openni2_oni.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

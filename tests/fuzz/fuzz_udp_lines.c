@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "address.h"
-#include "iio_channels.h"
-#include "udp_lines.h"
+#include "imu/iio_channels.h"
+#include "imu/udp_lines.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -31,11 +31,11 @@ sh tests/fuzz/seeds.sh "$work/seeds"
 # What each fuzzer is about, beside itself.
 parts() {
     case $1 in
-    fuzz_hid_descriptor) echo hid_descriptor hid_sensor imu_reading ;;
-    fuzz_hid_feature | fuzz_hid_report) echo hid_models hid_playstation imu_reading ;;
-    fuzz_mtdata2) echo mtdata2 imu_reading ;;
-    fuzz_udp_lines) echo udp_lines address iio_channels ;;
-    fuzz_oni) echo openni2_oni ;;
+    fuzz_hid_descriptor) echo imu/hid_descriptor imu/hid_sensor imu/imu_reading ;;
+    fuzz_hid_feature | fuzz_hid_report) echo imu/hid_models imu/hid_playstation imu/imu_reading ;;
+    fuzz_mtdata2) echo imu/mtdata2 imu/imu_reading ;;
+    fuzz_udp_lines) echo imu/udp_lines address imu/iio_channels ;;
+    fuzz_oni) echo camera/openni2_oni ;;
     esac
 }
 

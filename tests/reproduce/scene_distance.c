@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "../../examples/cli/scene.h"
+#include "simulate/scene.h"
 
 int main(int argc, char **argv) {
     enum scene_kind kind;

@@ -10,9 +10,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../../examples/cli/counter_random.h"
-#include "../../examples/cli/playback.h"
-#include "context.h"
+#include "simulate/counter_random.h"
+#include "fathom/playback.h"
+#include "api/context.h"
 
 #define DEGREES 57.29577951308232
 #define ALIGNED 6  /* candidates of a frame: aligned from an injected misalignment */

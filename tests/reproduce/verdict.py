@@ -19,8 +19,8 @@ SCENES = [("room-1", "room", ["--speed", "2", "--frames", "180"], 1), ("room-2",
 
 
 def defaults():
-    """The settings as lib/config.c has them."""
-    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "lib", "config.c")
+    """The settings as lib/api/settings.c has them."""
+    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "lib", "api", "settings.c")
     with open(path) as file:
         return {name: float(value) for name, value in re.findall(r"c\.(\w+) = ([0-9.]+)f?;", file.read())}
 

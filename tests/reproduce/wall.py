@@ -9,7 +9,7 @@ from runs import WAYS, flat
 LETTER, TITLE = "b", "Across a bare wall (Section 4.3, Figure 5)"
 BUDGET = {"IMU": 3, "no IMU": 20}
 SEEDS = (1, 2, 3)
-# The scene's bare stretch and the camera (examples/cli/scene.h, simulate.c).
+# The scene's bare stretch and the camera (examples/simulate/scene.h, simulate.c).
 BARE_X, WALL_Y, FLOOR_Z, CEILING_Z = 1.2, 1.2, 0.0, 2.6
 HALF_VIEW = (320.0 / 585, 240.0 / 585)
 

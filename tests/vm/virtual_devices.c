@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "mtdata2.h"
+#include "imu/mtdata2.h"
 
 static void put16(uint8_t *at, int value) {
     at[0] = (uint8_t)value;

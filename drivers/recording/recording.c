@@ -1,0 +1,208 @@
+/* Recording folders in the TUM RGB-D / ETH3D SLAM layout: opening, settings, frames. */
+#include "recording/recording_internal.h"
+#include "recording/image_file.h"
+
+#include <errno.h>
+#include <locale.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* What TUM RGB-D's own tools take for a folder that doesn't say (its "file formats" page), at 640x480. */
+static const double tum_intrinsics[4] = {525, 525, 319.5, 239.5};
+static const double tum_depth_units = 5000;
+
+static int find_size(struct recording *recording) {
+    char error[512];
+    char *path = recording_path(recording, recording->frames[0].file);
+    if (!path) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
+    const int failed =
+        image_read_size(path, &recording->shown.width, &recording->shown.height, error, sizeof error);
+    free(path);
+    return failed ? recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s", error) : FATHOM_OK;
+}
+
+/* The options' intrinsics, else the file's (there already), else TUM's. A principal point at the middle of
+ * the pixels of one size lies at the middle of the other's: cx + 0.5 scales. */
+static int settle_intrinsics(struct recording *recording, const fathom_recording_options *options) {
+    fathom_recording *shown = &recording->shown;
+    const double *given = options->intrinsics;
+    if (given[0] != 0 || given[1] != 0 || given[2] != 0 || given[3] != 0) {
+        const char *fault = recording_intrinsics_fault(given, shown->width, shown->height);
+        if (fault)
+            return recording_fail(recording, FATHOM_ERROR_ARGUMENT,
+                                  "intrinsics %g,%g,%g,%g for %dx%d frames: %s", given[0], given[1], given[2],
+                                  given[3], shown->width, shown->height, fault);
+        memcpy(shown->intrinsics, given, sizeof shown->intrinsics);
+    } else if (!recording->has_calibration) {
+        const double x = shown->width / 640.0, y = shown->height / 480.0;
+        shown->intrinsics[0] = tum_intrinsics[0] * x;
+        shown->intrinsics[1] = tum_intrinsics[1] * y;
+        shown->intrinsics[2] = (tum_intrinsics[2] + 0.5) * x - 0.5;
+        shown->intrinsics[3] = (tum_intrinsics[3] + 0.5) * y - 0.5;
+        shown->intrinsics_assumed = true;
+    }
+    return FATHOM_OK;
+}
+
+static int settle_depth_scale(struct recording *recording, const fathom_recording_options *options) {
+    fathom_recording *shown = &recording->shown;
+    if (options->depth_units_per_metre != 0) {
+        if (!(options->depth_units_per_metre >= 1 && options->depth_units_per_metre <= 1e6))
+            return recording_fail(recording, FATHOM_ERROR_ARGUMENT,
+                                  "depth scale %g isn't within 1 to 1e+06 units a metre",
+                                  options->depth_units_per_metre);
+        shown->depth_units_per_metre = options->depth_units_per_metre;
+    } else if (!recording->has_depth_scale) {
+        shown->depth_units_per_metre = tum_depth_units;
+        shown->depth_units_assumed = true;
+        return recording_judge_depth_scale(recording);
+    }
+    return FATHOM_OK;
+}
+
+static int read_all(struct recording *recording, const void *user) {
+    const fathom_recording_options *options = user;
+    int result = recording_read_frames(recording);
+    if (!result) result = find_size(recording);
+    if (!result) result = recording_read_calibration(recording);
+    if (!result) result = recording_read_rig(recording);
+    if (!result) result = settle_intrinsics(recording, options);
+    if (!result) result = settle_depth_scale(recording, options);
+    if (!result) result = recording_read_poses(recording);
+    const bool no_imu = options->imu_file && !*options->imu_file;
+    if (!result && !no_imu) result = recording_read_imu(recording, options->imu_file);
+    return result;
+}
+
+/* Runs read(recording, user) on an empty recording of that folder. The files have decimal points whatever the
+ * caller's locale has. */
+static int with_folder(struct recording **out, const char *folder, fathom_log log, void *log_user,
+                       int (*read)(struct recording *, const void *), const void *user) {
+    static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    *out = NULL;
+    struct recording *recording = calloc(1, sizeof *recording);
+    if (recording) recording->folder = strdup(folder);
+    if (!recording || !recording->folder) {
+        free(recording);
+        return FATHOM_ERROR_MEMORY;
+    }
+    recording->shown.folder = recording->folder;
+    recording->log = log;
+    recording->log_user = log_user;
+    memcpy(recording->shown.imu_to_camera_rotation, identity, sizeof identity);
+    memcpy(recording->shown.color_to_depth_rotation, identity, sizeof identity);
+
+    const locale_t plain = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
+    const locale_t before = plain ? uselocale(plain) : (locale_t)0;
+    const int result = plain ? read(recording, user)
+                             : recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", folder);
+    if (plain) {
+        uselocale(before);
+        freelocale(plain);
+    }
+    if (result)
+        fathom_recording_close(&recording->shown);
+    else
+        *out = recording;
+    return result;
+}
+
+int fathom_recording_open(fathom_recording **out, const char *folder,
+                          const fathom_recording_options *options) {
+    static const fathom_recording_options none = {0};
+    struct recording *recording;
+    if (!options) options = &none;
+    if (!out || !folder) return FATHOM_ERROR_ARGUMENT;
+    const int result = with_folder(&recording, folder, options->log, options->log_user, read_all, options);
+    *out = result ? NULL : &recording->shown;
+    return result;
+}
+
+/* ---- a folder that only describes a rig ---- */
+
+static int read_description(struct recording *recording, const void *user) {
+    const fathom_config *config = user;
+    fathom_recording *shown = &recording->shown;
+    shown->width = config->depth_width;
+    shown->height = config->depth_height;
+    shown->intrinsics[0] = config->fx;
+    shown->intrinsics[1] = config->fy;
+    shown->intrinsics[2] = config->cx;
+    shown->intrinsics[3] = config->cy;
+    for (int i = 0; i < 5; i++) shown->distortion[i] = config->distortion[i];
+    char *rig = recording_path(recording, "rig.txt");
+    const bool there = rig && access(rig, F_OK) == 0;
+    free(rig);
+    int result = recording_read_calibration(recording);
+    if (!result && !there && !recording->has_calibration)
+        result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: there is neither rig.txt nor calibration.txt",
+                                recording->folder);
+    if (!result) result = recording_read_rig(recording);
+    shown->depth_units_per_metre = config->depth_units_per_metre;
+    return result;
+}
+
+int fathom_rig_configure(const char *folder, fathom_config *config, fathom_log log, void *log_user) {
+    struct recording *recording;
+    if (!folder || !config) return FATHOM_ERROR_ARGUMENT;
+    const int result = with_folder(&recording, folder, log, log_user, read_description, config);
+    if (result) return result;
+    fathom_recording_configure(&recording->shown, config);
+    fathom_recording_close(&recording->shown);
+    return FATHOM_OK;
+}
+
+void fathom_recording_close(fathom_recording *shown) {
+    struct recording *recording = (struct recording *)shown;
+    if (!recording) return;
+    for (int i = 0; i < shown->frame_count; i++) free((char *)recording->frames[i].file);
+    free(recording->frames);
+    free(recording->imu);
+    free(recording->poses);
+    free(recording->folder);
+    free(recording);
+}
+
+void fathom_recording_configure(const fathom_recording *recording, fathom_config *config) {
+    config->depth_width = recording->width;
+    config->depth_height = recording->height;
+    config->fx = (float)recording->intrinsics[0];
+    config->fy = (float)recording->intrinsics[1];
+    config->cx = (float)recording->intrinsics[2];
+    config->cy = (float)recording->intrinsics[3];
+    for (int i = 0; i < 5; i++) config->distortion[i] = (float)recording->distortion[i];
+    config->depth_units_per_metre = (float)recording->depth_units_per_metre;
+    for (int i = 0; i < 9; i++)
+        config->imu_to_camera_rotation[i] = (float)recording->imu_to_camera_rotation[i];
+    for (int i = 0; i < 3; i++)
+        config->imu_to_camera_translation[i] = (float)recording->imu_to_camera_translation[i];
+    config->imu_clock_offset_ns = recording->imu_clock_offset_ns;
+    if (recording->gravity > 0) config->gravity = (float)recording->gravity;
+}
+
+int fathom_recording_read_depth(const fathom_recording *shown, int index, uint16_t *pixels) {
+    const struct recording *recording = (const struct recording *)shown;
+    char error[512];
+    int width = 0, height = 0, result = FATHOM_OK;
+    if (!shown || !pixels || index < 0 || index >= shown->frame_count) return FATHOM_ERROR_ARGUMENT;
+    char *path = recording_path(recording, shown->frames[index].file);
+    if (!path) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", shown->folder);
+    const size_t capacity = (size_t)shown->width * (size_t)shown->height;
+    const int failed = image_read_gray16(path, pixels, capacity, &width, &height, error, sizeof error);
+    /* A larger frame fails for want of room; its header then tells the better reason. */
+    if (failed) {
+        char ignored[64];
+        if (image_read_size(path, &width, &height, ignored, sizeof ignored)) width = height = 0;
+    }
+    if (width && (width != shown->width || height != shown->height))
+        result =
+            recording_fail(recording, FATHOM_ERROR_SIZE, "%s: %dx%d, where the recording's frames are %dx%d",
+                           path, width, height, shown->width, shown->height);
+    else if (failed)
+        result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s", error);
+    free(path);
+    return result;
+}

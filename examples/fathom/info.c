@@ -1,0 +1,117 @@
+/* fathom info: versions, OpenCL devices, drivers built in, bytes for the given settings. */
+#define CL_TARGET_OPENCL_VERSION 120
+#include "fathom/cli.h"
+#include "fathom_drivers.h"
+#include "fathom/log.h"
+#include "fathom/settings.h"
+
+#include <CL/cl.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#define MOST 32
+
+static void help(void) {
+    printf("usage: fathom info [--plan] [settings]\n\n"
+           "Prints versions, OpenCL platforms and devices, and the drivers built in.\n\n"
+           "    --plan                     also the bytes needed for the given settings:\n"
+           "%s"
+           "    --verbose                  say more on stderr\n",
+           settings_help);
+}
+
+static void print_device(cl_device_id device) {
+    char name[256] = "?", version[256] = "?", driver[256] = "?";
+    cl_device_type type = 0;
+    cl_ulong memory = 0;
+    cl_uint units = 0;
+    cl_bool shared = CL_FALSE;
+    clGetDeviceInfo(device, CL_DEVICE_NAME, sizeof name, name, NULL);
+    clGetDeviceInfo(device, CL_DEVICE_VERSION, sizeof version, version, NULL);
+    clGetDeviceInfo(device, CL_DRIVER_VERSION, sizeof driver, driver, NULL);
+    clGetDeviceInfo(device, CL_DEVICE_TYPE, sizeof type, &type, NULL);
+    clGetDeviceInfo(device, CL_DEVICE_GLOBAL_MEM_SIZE, sizeof memory, &memory, NULL);
+    clGetDeviceInfo(device, CL_DEVICE_MAX_COMPUTE_UNITS, sizeof units, &units, NULL);
+    clGetDeviceInfo(device, CL_DEVICE_HOST_UNIFIED_MEMORY, sizeof shared, &shared, NULL);
+    const char *kind = type & CL_DEVICE_TYPE_GPU           ? "gpu"
+                       : type & CL_DEVICE_TYPE_CPU         ? "cpu"
+                       : type & CL_DEVICE_TYPE_ACCELERATOR ? "accelerator"
+                                                           : "other";
+    printf("    device: %s\n        %s, %u units, %" PRIu64 " MB, %s; %s, driver %s\n", name, kind, units,
+           (uint64_t)memory >> 20, shared ? "shared with the host" : "its own memory", version, driver);
+}
+
+static void print_platforms(void) {
+    cl_platform_id platforms[MOST];
+    cl_uint platform_count = 0;
+    const cl_int result = clGetPlatformIDs(MOST, platforms, &platform_count);
+    if (result != CL_SUCCESS || platform_count == 0) {
+        printf("OpenCL: no platform (error %d); install one, such as pocl-opencl-icd\n", result);
+        return;
+    }
+    for (cl_uint p = 0; p < platform_count && p < MOST; p++) {
+        char name[256] = "?", version[256] = "?";
+        cl_device_id devices[MOST];
+        cl_uint device_count = 0;
+        clGetPlatformInfo(platforms[p], CL_PLATFORM_NAME, sizeof name, name, NULL);
+        clGetPlatformInfo(platforms[p], CL_PLATFORM_VERSION, sizeof version, version, NULL);
+        printf("OpenCL platform: %s, %s\n", name, version);
+        if (clGetDeviceIDs(platforms[p], CL_DEVICE_TYPE_ALL, MOST, devices, &device_count) != CL_SUCCESS ||
+            !device_count)
+            printf("    no devices\n");
+        for (cl_uint d = 0; d < device_count && d < MOST; d++) print_device(devices[d]);
+    }
+}
+
+static int print_plan(const struct settings *settings, struct cli_log *log) {
+    fathom_memory_plan plan;
+    const int result = fathom_memory_plan_for(&settings->config, &plan);
+    if (result < 0)
+        return cli_error(result == FATHOM_ERROR_CONFIG || result == FATHOM_ERROR_MEMORY ? CLI_USAGE
+                                                                                        : CLI_FAILED,
+                         "%s", log_reason(log, result));
+    printf("plan: %s\n", plan.device);
+    printf("    depth %dx%d, maps %dx%d, voxel %g m\n", settings->config.depth_width,
+           settings->config.depth_height, plan.align_width, plan.align_height,
+           (double)settings->config.voxel_m);
+    printf("    host_bytes=%" PRId64 " device_bytes=%" PRId64 " total_bytes=%" PRId64
+           " blocks=%d arena_mb=%.1f\n",
+           plan.host_bytes, plan.device_bytes, plan.host_bytes + plan.device_bytes, plan.blocks,
+           (double)(plan.host_bytes + plan.device_bytes) / (1 << 20));
+    return CLI_DONE;
+}
+
+int command_info(int argc, char **argv) {
+    struct options options = {.count = argc, .arguments = argv, .at = 1};
+    struct settings settings;
+    struct cli_log log = {0};
+    bool plan = false;
+    settings_start(&settings);
+    while (options_next(&options)) {
+        if (strcmp(options.name, "--help") == 0 || strcmp(options.name, "-h") == 0) {
+            help();
+            return CLI_DONE;
+        }
+        if (!options.name[0]) return cli_error(CLI_USAGE, "info: takes no %s", options.value);
+        const int taken = settings_take(&settings, &options);
+        if (taken < 0) return CLI_USAGE;
+        if (taken) continue;
+        if (strcmp(options.name, "--plan") == 0) {
+            if (!(plan = options_flag(&options))) return CLI_USAGE;
+        } else if (strcmp(options.name, "--verbose") == 0) {
+            if (!(log.verbose = options_flag(&options))) return CLI_USAGE;
+        } else {
+            return cli_error(CLI_USAGE, "info: unknown option %s; fathom info --help lists them",
+                             options.name);
+        }
+    }
+    settings.config.log = log_message;
+    settings.config.log_user = &log;
+    printf("fathom %s\n", fathom_version());
+    print_platforms();
+    fathom_source_driver_info driver;
+    for (int i = 0; fathom_source_driver(i, &driver); i++)
+        printf("driver: %s (%s): %s\n", driver.name, driver.what, driver.built ? "built in" : "not built");
+    return plan ? print_plan(&settings, &log) : CLI_DONE;
+}

@@ -1,0 +1,112 @@
+#include "align/solve.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+
+/* A direction that the normals' noise tells nearly as much of as the pairs do drags the pose along: this many times the noise
+ * halves what it says. */
+#define SHYNESS 30.0
+
+using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+void normal_equations_add(normal_equations *e, const float *sums) {
+    int k = 0;
+    for (int i = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, k++) {
+            e->ata[6 * i + j] += sums[k];
+            if (i != j) e->ata[6 * j + i] += sums[k];
+        }
+    for (int i = 0; i < 6; i++) e->atb[i] += sums[21 + i];
+    e->btb += sums[27];
+    e->weight += sums[28];
+    for (int i = 0; i < 3; i++) e->point[i] += sums[29 + i];
+    e->point_squared += sums[32];
+    e->pairs += sums[33];
+    e->overlap += sums[34];
+}
+
+static Matrix3d skew(const Vector3d &v) {
+    Matrix3d m;
+    m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+    return m;
+}
+
+/* The twist that rotates about c + shift moves p by w x (p - c - shift) + v', so about c it is the same w and
+ * v = v' - w x shift = v' + [shift]x w. */
+static Matrix6 about(const Vector3d &shift) {
+    Matrix6 j = Matrix6::Identity();
+    j.block<3, 3>(3, 0) = skew(shift);
+    return j;
+}
+
+bool solve_alignment(const normal_equations *e, const solve_prior *prior, solution *s) {
+    *s = solution{};
+    s->condition = INFINITY;
+    Eigen::Map<const Matrix6> ata(e->ata);
+    Eigen::Map<const Vector6> atb(e->atb);
+    if (!(e->weight > 0) || !ata.allFinite() || !atb.allFinite() || !std::isfinite(e->btb)) return false;
+    if (!std::isfinite(e->weight) || !std::isfinite(e->point_squared)) return false;
+
+    /* Centre on the pairs and scale lengths by their spread, so that kappa depends neither on the origin nor on metres
+     * against radians: columns of A for rotation are divided by the spread, those for translation stay. */
+    Vector3d mean = Eigen::Map<const Vector3d>(e->point) / e->weight;
+    double spread = std::sqrt(std::max(e->point_squared / e->weight - mean.squaredNorm(), 1e-12));
+    Vector6 scale;
+    scale << 1 / spread, 1 / spread, 1 / spread, 1, 1, 1;
+    Matrix6 to_reference =
+        about(mean) * scale.asDiagonal(); /* x about centre = to_reference * scaled x about mean */
+    Matrix6 to_origin = about(Eigen::Map<const Vector3d>(e->centre)) * to_reference;
+    Matrix6 h = to_reference.transpose() * ata * to_reference;
+    Vector6 g = to_reference.transpose() * atb;
+    h = 0.5 * (h + h.transpose()).eval();
+
+    Eigen::JacobiSVD<Eigen::Matrix<double, 6, 6>> svd(h, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const auto &v = svd.matrixV();
+    Vector6 squared = svd.singularValues(); /* of A^T A: the squares of A's */
+    Vector6 projected = svd.matrixU().transpose() * g;
+    double largest = squared[0];
+    Vector6 y = Vector6::Zero();
+    Matrix6 covariance = Matrix6::Zero();
+    for (int i = 0; i < 6; i++) {
+        s->singular[i] = std::sqrt(std::max(squared[i], 0.0));
+        if (squared[i] > 1e-12 * largest) y += v.col(i) * (projected[i] / squared[i]);
+        covariance += v.col(i) * v.col(i).transpose() / std::max(squared[i], 1e-9 * largest);
+    }
+    s->condition = s->singular[5] > 0 ? s->singular[0] / s->singular[5] : INFINITY;
+    s->residual = std::max(e->btb - 2 * y.dot(g) + y.dot(h * y), 0.0);
+
+    if (prior && e->pairs > 6) {
+        /* a pair's variance from what is left over; 10 um at least, for scans without noise */
+        double variance = std::max(s->residual / (e->pairs - 6), 1e-10) * prior->correlated;
+        double noise = largest / (prior->max_condition * prior->max_condition);
+        Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;
+        Vector6 right = joint * to_origin.inverse() * Eigen::Map<const Vector6>(prior->mean);
+        Vector6 own_right = Vector6::Zero();
+        Matrix6 own = Matrix6::Zero();
+        for (int i = 0; i < 6; i++) {
+            double information = std::max(squared[i] - 2 * noise, 0.0) / variance * squared[i] /
+                                 (squared[i] + SHYNESS * noise);
+            own += information * v.col(i) * v.col(i).transpose();
+            if (squared[i] > 1e-12 * largest)
+                own_right += v.col(i) * (information * projected[i] / squared[i]);
+        }
+        joint += own;
+        right += own_right;
+        Matrix6 from_origin = to_origin.inverse();
+        Eigen::Map<Matrix6>(s->information) = from_origin.transpose() * own * from_origin;
+        Eigen::LDLT<Eigen::Matrix<double, 6, 6>> factor(joint);
+        y = factor.solve(right);
+        Eigen::Map<Vector6>(s->pull) = from_origin.transpose() * (own_right - own * y);
+        covariance = factor.solve(Matrix6::Identity());
+        s->residual = std::max(e->btb - 2 * y.dot(g) + y.dot(h * y), 0.0);
+    }
+
+    Eigen::Map<Vector6> twist(s->twist);
+    twist = to_origin * y;
+    Eigen::Map<Matrix6> out(s->covariance);
+    out = to_origin * covariance * to_origin.transpose();
+    return twist.allFinite() && out.allFinite();
+}

@@ -1,0 +1,260 @@
+#include "base/se3.h"
+
+#include <math.h>
+#include <string.h>
+
+pose pose_identity(void) {
+    return (pose){{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
+}
+
+void so3_multiply(const double a[9], const double b[9], double out[9]) {
+    double m[9];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            m[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+    memcpy(out, m, sizeof m);
+}
+
+void so3_transpose_multiply(const double a[9], const double b[9], double out[9]) {
+    double m[9];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) m[3 * i + j] = a[i] * b[j] + a[3 + i] * b[3 + j] + a[6 + i] * b[6 + j];
+    memcpy(out, m, sizeof m);
+}
+
+void pose_apply(const pose *a, const double p[3], double out[3]) {
+    double q[3];
+    for (int i = 0; i < 3; i++)
+        q[i] = a->r[3 * i] * p[0] + a->r[3 * i + 1] * p[1] + a->r[3 * i + 2] * p[2] + a->t[i];
+    memcpy(out, q, sizeof q);
+}
+
+pose pose_multiply(const pose *a, const pose *b) {
+    pose c;
+    so3_multiply(a->r, b->r, c.r);
+    pose_apply(a, b->t, c.t);
+    return c;
+}
+
+pose pose_inverse(const pose *a) {
+    pose c;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) c.r[3 * i + j] = a->r[3 * j + i];
+    for (int i = 0; i < 3; i++)
+        c.t[i] = -(c.r[3 * i] * a->t[0] + c.r[3 * i + 1] * a->t[1] + c.r[3 * i + 2] * a->t[2]);
+    return c;
+}
+
+pose pose_between(const pose *from, const pose *to) {
+    pose inverse = pose_inverse(from);
+    return pose_multiply(&inverse, to);
+}
+
+/* sin(x)/x, (1-cos x)/x^2 and (x - sin x)/x^3, safe near zero. */
+static void exp_factors(double x, double *a, double *b, double *c) {
+    if (x < 1e-4) {
+        double s = x * x;
+        *a = 1 - s / 6;
+        *b = 0.5 - s / 24;
+        *c = 1.0 / 6 - s / 120;
+    } else {
+        *a = sin(x) / x;
+        *b = (1 - cos(x)) / (x * x);
+        *c = (x - sin(x)) / (x * x * x);
+    }
+}
+
+/* I + a [w]x + b [w]x^2 */
+static void rodrigues(const double w[3], double a, double b, double r[9]) {
+    double x = w[0], y = w[1], z = w[2];
+    double k[9] = {0, -z, y, z, 0, -x, -y, x, 0};
+    double k2[9];
+    so3_multiply(k, k, k2);
+    for (int i = 0; i < 9; i++) r[i] = (i % 4 == 0) + a * k[i] + b * k2[i];
+}
+
+static double norm3(const double v[3]) {
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
+void so3_exp(const double w[3], double r[9]) {
+    double a, b, c;
+    exp_factors(norm3(w), &a, &b, &c);
+    rodrigues(w, a, b, r);
+}
+
+void so3_log(const double r[9], double w[3]) {
+    /* By the unit quaternion, whose largest component is found first, so that half a turn is no special case. */
+    double q[4];
+    double trace = r[0] + r[4] + r[8];
+    int i = 0;
+    if (r[4] > r[0]) i = 1;
+    if (r[8] > r[4 * i]) i = 2;
+    if (trace > 0) {
+        double s = sqrt(trace + 1);
+        q[3] = 0.5 * s;
+        q[0] = 0.5 * (r[7] - r[5]) / s;
+        q[1] = 0.5 * (r[2] - r[6]) / s;
+        q[2] = 0.5 * (r[3] - r[1]) / s;
+    } else {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        double s = sqrt(fmax(r[4 * i] - r[4 * j] - r[4 * k] + 1, 1e-300));
+        q[i] = 0.5 * s;
+        q[3] = 0.5 * (r[3 * k + j] - r[3 * j + k]) / s;
+        q[j] = 0.5 * (r[3 * j + i] + r[3 * i + j]) / s;
+        q[k] = 0.5 * (r[3 * k + i] + r[3 * i + k]) / s;
+    }
+    double n = norm3(q), sign = q[3] < 0 ? -1 : 1;
+    double factor = n < 1e-9 ? 2 / fmax(fabs(q[3]), 1e-9) : 2 * atan2(n, fabs(q[3])) / n;
+    for (int m = 0; m < 3; m++) w[m] = sign * factor * q[m];
+}
+
+pose pose_exp(const double twist[6]) {
+    pose p;
+    double a, b, c, v[9];
+    exp_factors(norm3(twist), &a, &b, &c);
+    rodrigues(twist, a, b, p.r);
+    rodrigues(twist, b, c, v);
+    for (int i = 0; i < 3; i++)
+        p.t[i] = v[3 * i] * twist[3] + v[3 * i + 1] * twist[4] + v[3 * i + 2] * twist[5];
+    return p;
+}
+
+void pose_log(const pose *p, double twist[6]) {
+    so3_log(p->r, twist);
+    double x = norm3(twist), v[9];
+    /* V^-1 = I - 1/2 [w]x + d [w]x^2 with d = 1/x^2 - (1 + cos x) / (2 x sin x), by half angles near zero and near pi */
+    double d = x < 1e-4 ? 1.0 / 12 + x * x / 720 : (1 - 0.5 * x * cos(0.5 * x) / sin(0.5 * x)) / (x * x);
+    rodrigues(twist, -0.5, d, v);
+    for (int i = 0; i < 3; i++)
+        twist[3 + i] = v[3 * i] * p->t[0] + v[3 * i + 1] * p->t[1] + v[3 * i + 2] * p->t[2];
+}
+
+double pose_angle(const pose *a) {
+    double w[3];
+    so3_log(a->r, w);
+    return norm3(w);
+}
+
+double pose_distance(const pose *a) {
+    return norm3(a->t);
+}
+
+void pose_normalise(pose *a) {
+    double *x = a->r, *y = a->r + 3, *z = a->r + 6;
+    double n = norm3(x);
+    for (int i = 0; i < 3; i++) x[i] /= n;
+    double d = x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+    for (int i = 0; i < 3; i++) y[i] -= d * x[i];
+    n = norm3(y);
+    for (int i = 0; i < 3; i++) y[i] /= n;
+    z[0] = x[1] * y[2] - x[2] * y[1];
+    z[1] = x[2] * y[0] - x[0] * y[2];
+    z[2] = x[0] * y[1] - x[1] * y[0];
+}
+
+bool pose_is_finite(const pose *a) {
+    for (int i = 0; i < 9; i++)
+        if (!isfinite(a->r[i])) return false;
+    return isfinite(a->t[0]) && isfinite(a->t[1]) && isfinite(a->t[2]);
+}
+
+void pose_adjoint(const pose *a, double adjoint[36]) {
+    const double *t = a->t;
+    double k[9] = {0, -t[2], t[1], t[2], 0, -t[0], -t[1], t[0], 0}, kr[9];
+    so3_multiply(k, a->r, kr);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            adjoint[6 * i + j] = a->r[3 * i + j];
+            adjoint[6 * i + j + 3] = 0;
+            adjoint[6 * (i + 3) + j] = kr[3 * i + j];
+            adjoint[6 * (i + 3) + j + 3] = a->r[3 * i + j];
+        }
+}
+
+void pose_to_matrix(const pose *a, float m[16]) {
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) m[4 * i + j] = (float)a->r[3 * i + j];
+        m[4 * i + 3] = (float)a->t[i];
+    }
+    m[12] = m[13] = m[14] = 0;
+    m[15] = 1;
+}
+
+bool pose_from_matrix(const float m[16], pose *a) {
+    for (int i = 0; i < 16; i++)
+        if (!isfinite(m[i])) return false;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) a->r[3 * i + j] = m[4 * i + j];
+        a->t[i] = m[4 * i + 3];
+    }
+    double product[9];
+    so3_transpose_multiply(a->r, a->r, product);
+    for (int i = 0; i < 9; i++)
+        if (fabs(product[i] - (i % 4 == 0)) > 1e-3) return false;
+    double z = a->r[6] * (a->r[1] * a->r[5] - a->r[2] * a->r[4]) +
+               a->r[7] * (a->r[2] * a->r[3] - a->r[0] * a->r[5]) +
+               a->r[8] * (a->r[0] * a->r[4] - a->r[1] * a->r[3]);
+    bool last_row = fabsf(m[12]) + fabsf(m[13]) + fabsf(m[14]) + fabsf(m[15] - 1) < 1e-3f;
+    if (z < 0 || !last_row) return false;
+    pose_normalise(a);
+    return true;
+}
+
+void covariance_transport(const double a[36], const double c[36], double out[36]) {
+    double ac[36];
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) {
+            double s = 0;
+            for (int k = 0; k < 6; k++) s += a[6 * i + k] * c[6 * k + j];
+            ac[6 * i + j] = s;
+        }
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) {
+            double s = 0;
+            for (int k = 0; k < 6; k++) s += ac[6 * i + k] * a[6 * j + k];
+            out[6 * i + j] = s;
+        }
+}
+
+/* c = l l^T, l lower triangular (Cholesky); false when c isn't positive definite. */
+static bool cholesky(const double c[36], double l[36]) {
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j <= i; j++) {
+            double s = c[6 * i + j];
+            for (int k = 0; k < j; k++) s -= l[6 * i + k] * l[6 * j + k];
+            if (i == j && !(s > 0)) return false;
+            l[6 * i + j] = i == j ? sqrt(s) : s / l[7 * j];
+        }
+    return true;
+}
+
+bool covariance_invert(const double c[36], double out[36]) {
+    double l[36], inverse[36] = {0};
+    if (!cholesky(c, l)) return false;
+    for (int j = 0; j < 6; j++) /* l^-1, column by column */
+        for (int i = j; i < 6; i++) {
+            double s = i == j;
+            for (int k = j; k < i; k++) s -= l[6 * i + k] * inverse[6 * k + j];
+            inverse[6 * i + j] = s / l[7 * i];
+        }
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) {
+            double s = 0;
+            for (int k = i > j ? i : j; k < 6; k++) s += inverse[6 * k + i] * inverse[6 * k + j];
+            out[6 * i + j] = s;
+        }
+    return true;
+}
+
+double covariance_mahalanobis(const double c[36], const double e[6]) {
+    double l[36], y[6], sum = 0;
+    if (!cholesky(c, l)) return INFINITY;
+    for (int i = 0; i < 6; i++) {
+        y[i] = e[i];
+        for (int k = 0; k < i; k++) y[i] -= l[6 * i + k] * y[k];
+        y[i] /= l[7 * i];
+        sum += y[i] * y[i];
+    }
+    return sqrt(sum);
+}

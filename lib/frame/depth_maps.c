@@ -1,0 +1,130 @@
+#include "frame/depth_maps.h"
+
+#include <math.h>
+#include <string.h>
+
+#define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
+
+int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
+    int width = c->align_width, height = c->align_height;
+    if (width == 0 && height == 0) {
+        int factor = 1;
+        while (c->depth_width / factor > c->align_most || c->depth_width % factor ||
+               c->depth_height % factor) {
+            if (++factor > 64) {
+                device_log(c, FATHOM_LOG_ERROR,
+                           "depth of %dx%d has no whole fraction up to %d wide: set align_width",
+                           c->depth_width, c->depth_height, c->align_most);
+                return FATHOM_ERROR_CONFIG;
+            }
+        }
+        width = c->depth_width / factor;
+        height = c->depth_height / factor;
+    }
+    if (width < 16 || height < 16 || c->depth_width % width || c->depth_height % height ||
+        c->depth_width / width != c->depth_height / height) {
+        device_log(c, FATHOM_LOG_ERROR,
+                   "alignment size %dx%d is not depth size %dx%d over one whole number, or below 16", width,
+                   height, c->depth_width, c->depth_height);
+        return FATHOM_ERROR_CONFIG;
+    }
+    /* averaging n pixels puts the new pixel's centre amid them */
+    float n = (float)(c->depth_width / width), shift = 0.5f * (n - 1);
+    *camera = kernel_camera_of(width, height, c->fx / n, c->fy / n, (c->cx - shift) / n, (c->cy - shift) / n);
+    return FATHOM_OK;
+}
+
+void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c) {
+    memset(m, 0, sizeof *m);
+    depth_maps_camera(c, &m->camera[FINEST]);
+    for (int i = FINEST - 1; i >= 0; i--) {
+        kernel_camera f = m->camera[i + 1];
+        m->camera[i] = kernel_camera_of(f.width / 2, f.height / 2, f.fx / 2, f.fy / 2, (f.cx - 0.5f) / 2,
+                                        (f.cy - 0.5f) / 2);
+    }
+    /* what is noisier than the surface is thick fills the pool and says nothing */
+    float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m) - c->depth_noise_base_m;
+    float far_m = c->depth_noise_growth > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth) : c->depth_max_m;
+    const float *k = c->distortion;
+    m->source = (kernel_depth_source){c->fx,
+                                      c->fy,
+                                      c->cx,
+                                      c->cy,
+                                      k[0],
+                                      k[1],
+                                      k[2],
+                                      k[3],
+                                      k[4],
+                                      k[0] != 0 || k[1] != 0 || k[2] != 0 || k[3] != 0 || k[4] != 0,
+                                      c->depth_width,
+                                      c->depth_height,
+                                      c->depth_width / m->camera[FINEST].width,
+                                      1.0f / c->depth_units_per_metre,
+                                      c->depth_min_m,
+                                      fmaxf(fminf(c->depth_max_m, far_m), c->depth_min_m)};
+    m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
+    device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
+    device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
+    for (int i = 0; i < FATHOM_LEVELS; i++) {
+        device_buffer_make(d, a, (size_t)m->camera[i].plane * 4, &m->depth[i]);
+        device_buffer_make(d, a, (size_t)m->camera[i].plane * 16, &m->normals[i]);
+    }
+    if (!d->context) return;
+    device_clear(d, &m->smooth); /* the margins stay invalid */
+    for (int i = 0; i < FATHOM_LEVELS; i++) {
+        device_clear(d, &m->depth[i]);
+        device_clear(d, &m->normals[i]);
+    }
+    m->convert = device_kernel(d, "convert_depth");
+    m->smoothing = device_kernel(d, "smooth_depth");
+    m->halve = device_kernel(d, "halve_depth");
+    m->normal = device_kernel(d, "normal_map");
+    m->pack = device_kernel(d, "pack_map");
+}
+
+void depth_maps_close(depth_maps *m) {
+    cl_kernel kernels[] = {m->convert, m->smoothing, m->halve, m->normal, m->pack};
+    for (int i = 0; i < 5; i++)
+        if (kernels[i]) clReleaseKernel(kernels[i]);
+    device_buffer_free(&m->raw);
+    device_buffer_free(&m->smooth);
+    for (int i = 0; i < FATHOM_LEVELS; i++) {
+        device_buffer_free(&m->depth[i]);
+        device_buffer_free(&m->normals[i]);
+    }
+}
+
+void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarsest) {
+    void *raw = device_map(d, &m->raw, CL_MAP_WRITE);
+    if (!raw) return;
+    memcpy(raw, frame, (size_t)m->source.width * (size_t)m->source.height * 2);
+    device_unmap(d, &m->raw, raw);
+    depth_maps_compute(m, d, coarsest);
+}
+
+void depth_maps_compute(depth_maps *m, device *d, int coarsest) {
+    kernel_camera *c = &m->camera[FINEST];
+    RUN_ROWS(d, m->convert, (c->width + 7) / 8, c->height, ARG(m->raw.memory), ARG(m->source), ARG(*c),
+             ARG(m->noise), ARG(m->depth[FINEST].memory));
+    cl_float reach = SMOOTHING_REACH;
+    RUN_ROWS(d, m->smoothing, c->width, c->height, ARG(m->depth[FINEST].memory), ARG(*c), ARG(m->noise),
+             ARG(reach), ARG(m->smooth.memory));
+    for (int i = FINEST - 1; i >= coarsest; i--) {
+        kernel_camera *f = &m->camera[i + 1];
+        c = &m->camera[i];
+        RUN_ROWS(d, m->halve, c->width, c->height, ARG(m->depth[i + 1].memory), ARG(*f), ARG(*c),
+                 ARG(m->noise), ARG(m->depth[i].memory));
+    }
+    for (int i = FINEST; i >= coarsest; i--) {
+        c = &m->camera[i];
+        device_buffer *from = i == FINEST ? &m->smooth : &m->depth[i];
+        RUN_ROWS(d, m->normal, c->width, c->height, ARG(from->memory), ARG(*c), ARG(m->noise),
+                 ARG(m->normals[i].memory));
+    }
+}
+
+void depth_maps_pack(depth_maps *m, device *d, int level, device_buffer *packed) {
+    kernel_camera *c = &m->camera[level];
+    RUN(d, m->pack, (size_t)c->width, (size_t)c->height, 0, ARG(m->depth[level].memory),
+        ARG(m->normals[level].memory), ARG(*c), ARG(packed->memory));
+}

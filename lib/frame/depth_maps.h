@@ -1,0 +1,38 @@
+/* From a depth frame to the maps that alignment and fusion work on (Newcombe et al. 2011, Section 3.1). */
+#ifndef FATHOM_DEPTH_MAPS_H
+#define FATHOM_DEPTH_MAPS_H
+
+#include "cl/device.h"
+#include "cl/kernel_types.h"
+
+#define FINEST (FATHOM_LEVELS - 1) /* level 0 is the coarsest */
+
+typedef struct {
+    kernel_camera camera[FATHOM_LEVELS]; /* the ideal pinhole of each level */
+    kernel_depth_source source;
+    cl_float2 noise;
+    device_buffer raw;                  /* the frame as it came */
+    device_buffer depth[FATHOM_LEVELS]; /* metric: what is aligned and fused */
+    device_buffer smooth; /* the finest depth smoothed, for its normals only: alignment with smoothed
+                                              depth drifts (docs/DESIGN.md) */
+    device_buffer normals[FATHOM_LEVELS]; /* four planes: normal and confidence */
+    cl_kernel convert, smoothing, halve, normal, pack;
+} depth_maps;
+
+/* The size and intrinsics of the finest maps for the settings. FATHOM_OK or FATHOM_ERROR_CONFIG. */
+int depth_maps_camera(const fathom_config *config, kernel_camera *camera);
+
+/* Plans buffers (and makes them and the kernels when the device is open). */
+void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *config);
+void depth_maps_close(depth_maps *m);
+
+/* Queues all maps of a frame down to the coarsest level that is asked for. */
+void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarsest);
+
+/* The same for the frame that was copied last. */
+void depth_maps_compute(depth_maps *m, device *d, int coarsest);
+
+/* Queues a level of the frame's maps in the form of a model map. */
+void depth_maps_pack(depth_maps *m, device *d, int level, device_buffer *packed);
+
+#endif

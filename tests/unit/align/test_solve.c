@@ -1,0 +1,478 @@
+/* The 6x6 system of Section 2 (lib/solve.cpp): sums made here in double precision from points and normals, against
+ * motions that are known and figures worked out another way. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "simulate/counter_random.h"
+#include "base/se3.h"
+#include "align/solve.h"
+
+#define PAIRS 400
+
+/* A scan point, the normal of the model's plane, the distance to it along the normal, the weight. */
+typedef struct {
+    double p[3], n[3], b, w;
+} pair;
+
+static pair pairs[PAIRS];
+
+static void cross(const double a[3], const double b[3], double out[3]) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static double dot3(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Points in front of a camera, normals every way, weights between 0.2 and 1. */
+static void random_pairs(uint64_t seed) {
+    uint64_t key = random_key(seed, 1), k = 0;
+    for (int i = 0; i < PAIRS; i++) {
+        pair *q = &pairs[i];
+        for (int j = 0; j < 3; j++) {
+            q->p[j] = 2 * random_uniform(key, k++) - 1 + (j == 2 ? 2 : 0);
+            q->n[j] = random_normal(key, k++);
+        }
+        double length = sqrt(dot3(q->n, q->n));
+        for (int j = 0; j < 3; j++) q->n[j] /= length;
+        q->w = 0.2 + 0.8 * random_uniform(key, k++);
+        q->b = 0;
+    }
+}
+
+/* The row of A for a twist about `centre`. */
+static void row_of(const pair *q, const double centre[3], double a[6]) {
+    double arm[3];
+    for (int j = 0; j < 3; j++) arm[j] = q->p[j] - centre[j];
+    cross(arm, q->n, a);
+    memcpy(a + 3, q->n, sizeof q->n);
+}
+
+/* What the pair is off when the twist (about the origin) is exactly what moved the scan away, to first order. */
+static void off_by(const double twist[6]) {
+    static const double origin[3];
+    for (int i = 0; i < PAIRS; i++) {
+        double a[6];
+        row_of(&pairs[i], origin, a);
+        pairs[i].b = 0;
+        for (int j = 0; j < 6; j++) pairs[i].b += a[j] * twist[j];
+    }
+}
+
+static normal_equations sums_about(const double centre[3]) {
+    normal_equations e;
+    memset(&e, 0, sizeof e);
+    memcpy(e.centre, centre, sizeof e.centre);
+    for (int i = 0; i < PAIRS; i++) {
+        const pair *q = &pairs[i];
+        double a[6];
+        row_of(q, centre, a);
+        for (int r = 0; r < 6; r++) {
+            for (int c = 0; c < 6; c++) e.ata[6 * r + c] += q->w * a[r] * a[c];
+            e.atb[r] += q->w * a[r] * q->b;
+        }
+        e.btb += q->w * q->b * q->b;
+        e.weight += q->w;
+        for (int j = 0; j < 3; j++) {
+            double arm = q->p[j] - centre[j];
+            e.point[j] += q->w * arm;
+            e.point_squared += q->w * arm * arm;
+        }
+        e.pairs++;
+        e.overlap++;
+    }
+    return e;
+}
+
+static normal_equations sums(void) {
+    static const double centre[3] = {0.1, -0.2, 1.5};
+    return sums_about(centre);
+}
+
+/* Eigenvalues of a symmetric matrix, largest first, by Jacobi's rotations. */
+static void eigenvalues(double m[36], double values[6]) {
+    for (int sweep = 0; sweep < 60; sweep++)
+        for (int p = 0; p < 6; p++)
+            for (int q = p + 1; q < 6; q++) {
+                double off = m[6 * p + q];
+                if (off == 0) continue;
+                double theta = 0.5 * atan2(2 * off, m[7 * q] - m[7 * p]), c = cos(theta), s = sin(theta);
+                for (int k = 0; k < 6; k++) {
+                    double a = m[6 * k + p], b = m[6 * k + q];
+                    m[6 * k + p] = c * a - s * b;
+                    m[6 * k + q] = s * a + c * b;
+                }
+                for (int k = 0; k < 6; k++) {
+                    double a = m[6 * p + k], b = m[6 * q + k];
+                    m[6 * p + k] = c * a - s * b;
+                    m[6 * q + k] = s * a + c * b;
+                }
+            }
+    for (int i = 0; i < 6; i++) values[i] = m[7 * i];
+    for (int i = 0; i < 6; i++)
+        for (int j = i + 1; j < 6; j++)
+            if (values[j] > values[i]) {
+                double t = values[i];
+                values[i] = values[j];
+                values[j] = t;
+            }
+}
+
+static void strips_are_added_in_the_kernels_order(void **state) {
+    (void)state;
+    float strip[35];
+    for (int i = 0; i < 35; i++) strip[i] = (float)(i + 1);
+    normal_equations e;
+    memset(&e, 0, sizeof e);
+    normal_equations_add(&e, strip);
+    normal_equations_add(&e, strip);
+    int k = 0;
+    for (int i = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, k++) {
+            assert_true(e.ata[6 * i + j] == 2 * (k + 1));
+            assert_true(e.ata[6 * j + i] == 2 * (k + 1));
+        }
+    assert_int_equal(k, 21);
+    for (int i = 0; i < 6; i++) assert_true(e.atb[i] == 2 * (22 + i));
+    assert_true(e.btb == 56 && e.weight == 58 && e.point[0] == 60 && e.point[1] == 62 && e.point[2] == 64);
+    assert_true(e.point_squared == 66 && e.pairs == 68 && e.overlap == 70);
+}
+
+static void a_known_motion_is_recovered(void **state) {
+    (void)state;
+    for (uint64_t seed = 0; seed < 20; seed++) {
+        double twist[6];
+        random_pairs(seed);
+        for (uint64_t j = 0; j < 6; j++) twist[j] = 0.4 * random_uniform(random_key(seed, 2), j) - 0.2;
+        off_by(twist);
+        normal_equations e = sums();
+        solution s;
+        assert_true(solve_alignment(&e, NULL, &s));
+        for (int j = 0; j < 6; j++) assert_true(fabs(s.twist[j] - twist[j]) < 1e-11);
+        assert_true(s.residual < 1e-10 * e.btb);
+        assert_true(s.condition > 1 && s.condition < 5); /* normals every way */
+    }
+}
+
+/* The whole step of Section 2 on a motion that isn't small: pairs anew, solve, compose by the exponential. */
+static void composed_updates_converge_to_a_large_motion(void **state) {
+    (void)state;
+    random_pairs(3);
+    const double twist[6] = {0.3, -0.2, 0.25, 0.1, -0.15, 0.2};
+    const pose truth = pose_exp(twist);
+    pose motion = pose_identity();
+    pair scan[PAIRS];
+    memcpy(scan, pairs, sizeof scan);
+    for (int round = 0; round < 8; round++) {
+        for (int i = 0; i < PAIRS; i++) {
+            double model[3], way[3];
+            pose_apply(&truth, scan[i].p, model);
+            pose_apply(&motion, scan[i].p, pairs[i].p);
+            for (int j = 0; j < 3; j++) way[j] = model[j] - pairs[i].p[j];
+            pairs[i].b = dot3(pairs[i].n, way);
+        }
+        normal_equations e = sums();
+        solution s;
+        assert_true(solve_alignment(&e, NULL, &s));
+        pose update = pose_exp(s.twist);
+        motion = pose_multiply(&update, &motion);
+    }
+    pose rest = pose_between(&truth, &motion);
+    assert_true(pose_angle(&rest) < 1e-10 && pose_distance(&rest) < 1e-10);
+}
+
+static void residual_is_that_of_the_pairs(void **state) {
+    (void)state;
+    static const double origin[3];
+    for (uint64_t seed = 0; seed < 10; seed++) {
+        random_pairs(seed);
+        for (int i = 0; i < PAIRS; i++) pairs[i].b = 0.01 * random_normal(random_key(seed, 3), (uint64_t)i);
+        normal_equations e = sums();
+        solution s;
+        assert_true(solve_alignment(&e, NULL, &s));
+        double direct = 0, moved = 0;
+        for (int i = 0; i < PAIRS; i++) {
+            double a[6], r = -pairs[i].b, other = -pairs[i].b;
+            row_of(&pairs[i], origin, a);
+            for (int j = 0; j < 6; j++) {
+                r += a[j] * s.twist[j];
+                other += a[j] * (s.twist[j] + (j == (int)seed % 6 ? 1e-4 : 0));
+            }
+            direct += pairs[i].w * r * r;
+            moved += pairs[i].w * other * other;
+        }
+        assert_true(fabs(s.residual - direct) < 1e-12 * direct);
+        assert_true(moved > direct); /* and it is the least */
+    }
+}
+
+/* Singular values of A about the pairs' weighted centroid, lengths over their spread, by another algorithm. */
+static void singular_values_are_centred_and_scaled(void **state) {
+    (void)state;
+    random_pairs(8);
+    double mean[3] = {0}, weight = 0, spread = 0, m[36] = {0}, values[6];
+    for (int i = 0; i < PAIRS; i++) {
+        weight += pairs[i].w;
+        for (int j = 0; j < 3; j++) mean[j] += pairs[i].w * pairs[i].p[j];
+    }
+    for (int j = 0; j < 3; j++) mean[j] /= weight;
+    for (int i = 0; i < PAIRS; i++)
+        for (int j = 0; j < 3; j++)
+            spread += pairs[i].w / weight * (pairs[i].p[j] - mean[j]) * (pairs[i].p[j] - mean[j]);
+    spread = sqrt(spread);
+    for (int i = 0; i < PAIRS; i++) {
+        double a[6];
+        row_of(&pairs[i], mean, a);
+        for (int j = 0; j < 3; j++) a[j] /= spread;
+        for (int r = 0; r < 6; r++)
+            for (int c = 0; c < 6; c++) m[6 * r + c] += pairs[i].w * a[r] * a[c];
+    }
+    eigenvalues(m, values);
+    normal_equations e = sums();
+    solution s;
+    assert_true(solve_alignment(&e, NULL, &s));
+    for (int i = 0; i < 6; i++) assert_true(fabs(s.singular[i] - sqrt(values[i])) < 1e-10 * s.singular[0]);
+    assert_true(fabs(s.condition - sqrt(values[0] / values[5])) < 1e-9);
+}
+
+static void kappa_depends_on_neither_origin_nor_unit(void **state) {
+    (void)state;
+    for (uint64_t seed = 0; seed < 10; seed++) {
+        random_pairs(seed);
+        for (int i = 0; i < PAIRS; i++) { /* mostly one wall, so that kappa isn't about 1 */
+            if (i % 8 == 0) continue;
+            pairs[i].n[0] = 0.05 * pairs[i].n[0];
+            pairs[i].n[1] = 0.05 * pairs[i].n[1];
+            pairs[i].n[2] = -sqrt(1 - pairs[i].n[0] * pairs[i].n[0] - pairs[i].n[1] * pairs[i].n[1]);
+        }
+        normal_equations e = sums();
+        solution plain, moved, shifted, scaled;
+        assert_true(solve_alignment(&e, NULL, &plain));
+        assert_true(plain.condition > 2);
+
+        const double centre[3] = {-3, 2, 7}; /* rotations taken about somewhere else */
+        e = sums_about(centre);
+        assert_true(solve_alignment(&e, NULL, &moved));
+
+        const double far[3] = {30, -20, 10}; /* the whole scene somewhere else */
+        for (int i = 0; i < PAIRS; i++)
+            for (int j = 0; j < 3; j++) pairs[i].p[j] += far[j];
+        e = sums();
+        assert_true(solve_alignment(&e, NULL, &shifted));
+        for (int i = 0; i < PAIRS; i++) /* millimetres */
+            for (int j = 0; j < 3; j++) pairs[i].p[j] = 1000 * (pairs[i].p[j] - far[j]);
+        e = sums();
+        assert_true(solve_alignment(&e, NULL, &scaled));
+        assert_true(fabs(moved.condition / plain.condition - 1) < 1e-9);
+        assert_true(fabs(shifted.condition / plain.condition - 1) < 1e-7);
+        assert_true(fabs(scaled.condition / plain.condition - 1) < 1e-9);
+    }
+}
+
+/* A flat wall gives its distance and two angles; the other three directions are left alone. */
+static void a_plane_leaves_its_free_directions_alone(void **state) {
+    (void)state;
+    random_pairs(5);
+    for (int i = 0; i < PAIRS; i++) {
+        const double normal[3] = {0, 0, -1};
+        memcpy(pairs[i].n, normal, sizeof normal);
+        pairs[i].p[2] = 2;
+    }
+    /* a tilt and a way along the normal, with a turn about it and ways along the wall that no pair can see */
+    const double twist[6] = {0.02, -0.03, 0.5, 0.7, -0.4, 0.015};
+    off_by(twist);
+    normal_equations e = sums();
+    solution s;
+    assert_true(solve_alignment(&e, NULL, &s));
+    assert_true(s.condition > 1e6);
+    assert_true(fabs(s.twist[0] - twist[0]) < 1e-9 && fabs(s.twist[1] - twist[1]) < 1e-9);
+    assert_true(fabs(s.twist[5] - twist[5]) < 1e-9);
+    assert_true(fabs(s.twist[2]) < 1e-9); /* no turn about the normal */
+    double mean[3], way[3];
+    for (int j = 0; j < 3; j++) mean[j] = e.centre[j] + e.point[j] / e.weight;
+    cross(s.twist, mean, way); /* and the pairs' middle moves along the normal only */
+    assert_true(fabs(way[0] + s.twist[3]) < 1e-9 && fabs(way[1] + s.twist[4]) < 1e-9);
+    /* what it doesn't know it says: along the wall the variance is vast but finite, across it isn't */
+    const double *c = s.covariance;
+    for (int i = 0; i < 36; i++) assert_true(isfinite(c[i]));
+    assert_true(c[7 * 2] > 1e4 * c[7 * 0] && c[7 * 3] > 1e4 * c[7 * 5]);
+}
+
+/* All pairs in one point: everything about rotation is free. */
+static void pairs_in_one_point_are_survived(void **state) {
+    (void)state;
+    random_pairs(6);
+    for (int i = 0; i < PAIRS; i++)
+        for (int j = 0; j < 3; j++) pairs[i].p[j] = j == 2;
+    const double twist[6] = {0, 0, 0, 0.01, -0.02, 0.03};
+    off_by(twist);
+    normal_equations e = sums();
+    solution s;
+    assert_true(solve_alignment(&e, NULL, &s));
+    for (int i = 0; i < 6; i++) assert_true(isfinite(s.twist[i]));
+    double way[3];
+    cross(s.twist, pairs[0].p, way); /* whatever turn: the point itself goes where it should */
+    for (int j = 0; j < 3; j++) assert_true(fabs(way[j] + s.twist[3 + j] - twist[3 + j]) < 1e-6);
+}
+
+/* Pairs whose distances have the variance 1 / weight give twists with the covariance that is said, about a camera that
+ * stands elsewhere. */
+static void covariance_is_what_a_monte_carlo_finds(void **state) {
+    (void)state;
+    enum { TRIALS = 6000 };
+    double mean[6] = {0}, found[36] = {0};
+    solution s;
+    random_pairs(9);
+    uint64_t key = random_key(9, 4), k = 0;
+    for (int t = 0; t < TRIALS; t++) {
+        for (int i = 0; i < PAIRS; i++) pairs[i].b = random_normal(key, k++) / sqrt(pairs[i].w);
+        normal_equations e = sums();
+        assert_true(solve_alignment(&e, NULL, &s));
+        for (int r = 0; r < 6; r++) {
+            mean[r] += s.twist[r] / TRIALS;
+            for (int c = 0; c < 6; c++) found[6 * r + c] += s.twist[r] * s.twist[c] / TRIALS;
+        }
+    }
+    for (int r = 0; r < 6; r++) {
+        double sigma = sqrt(s.covariance[7 * r]);
+        assert_true(fabs(mean[r]) < 4 * sigma / sqrt(TRIALS));
+        for (int c = 0; c < 6; c++) { /* an entry's own error is about sqrt(2 / TRIALS) = 1.8 % */
+            double scale = sigma * sqrt(s.covariance[7 * c]);
+            assert_true(fabs(found[6 * r + c] - s.covariance[6 * r + c]) < 0.08 * scale);
+            assert_true(fabs(s.covariance[6 * r + c] - s.covariance[6 * c + r]) < 1e-12 * scale);
+        }
+    }
+}
+
+/* ---- with a prior ------------------------------------------------------------------------------------------------- */
+
+static solve_prior prior_of(const double mean[6], double sigma_rotation, double sigma_translation) {
+    solve_prior p = {.max_condition = 1e9, .correlated = 1};
+    memcpy(p.mean, mean, sizeof p.mean);
+    for (int i = 0; i < 6; i++) {
+        double sigma = i < 3 ? sigma_rotation : sigma_translation;
+        p.information[7 * i] = 1 / (sigma * sigma);
+    }
+    return p;
+}
+
+/* The joint estimate is where the pairs' pull and the prior's cancel, and its covariance is the inverse of the sum of
+ * their informations; all about the camera's origin, in plain sums. */
+static void pairs_and_prior_are_joined_by_their_information(void **state) {
+    (void)state;
+    static const double origin[3];
+    for (uint64_t seed = 0; seed < 10; seed++) {
+        const double mean[6] = {0.01, -0.02, 0.005, 0.02, 0.01, -0.03};
+        random_pairs(seed);
+        for (int i = 0; i < PAIRS; i++) pairs[i].b = 0.5 * random_normal(random_key(seed, 5), (uint64_t)i);
+        normal_equations e = sums(), about_origin = sums_about(origin);
+        solve_prior prior = prior_of(mean, 0.03, 0.02); /* about as strong as the pairs */
+        prior.correlated = 4;
+        solution alone, both;
+        assert_true(solve_alignment(&e, NULL, &alone));
+        assert_true(solve_alignment(&e, &prior, &both));
+        double variance = 4 * alone.residual / (PAIRS - 6), pull = 0;
+        for (int r = 0; r < 6; r++) {
+            double data = -about_origin.atb[r] / variance, own = 0;
+            for (int c = 0; c < 6; c++) {
+                data += about_origin.ata[6 * r + c] / variance * both.twist[c];
+                own += prior.information[6 * r + c] * (both.twist[c] - mean[c]);
+            }
+            pull = fmax(pull, fabs(data));
+            assert_true(fabs(data + own) < 1e-7 * (1 + fabs(data)));
+            for (int c = 0; c < 6; c++) { /* information times covariance is one */
+                double sum = 0;
+                for (int k = 0; k < 6; k++)
+                    sum += (about_origin.ata[6 * r + k] / variance + prior.information[6 * r + k]) *
+                           both.covariance[6 * k + c];
+                assert_true(fabs(sum - (r == c)) < 1e-7);
+            }
+        }
+        assert_true(pull > 1); /* neither had it all its own way */
+        assert_true(both.residual >= alone.residual);
+        assert_true(both.condition == alone.condition); /* kappa is that of the pairs alone */
+    }
+}
+
+static void a_prior_holds_what_a_plane_leaves_free(void **state) {
+    (void)state;
+    random_pairs(5);
+    for (int i = 0; i < PAIRS; i++) {
+        const double normal[3] = {0, 0, -1};
+        memcpy(pairs[i].n, normal, sizeof normal);
+        pairs[i].p[2] = 2;
+    }
+    const double twist[6] = {0.002, -0.003, 0, 0, 0, 0.015}, mean[6] = {0, 0, 0.004, 0.006, -0.005, 0};
+    off_by(twist);
+    normal_equations e = sums();
+    solve_prior prior = prior_of(mean, 0.01, 0.01);
+    solution s;
+    assert_true(solve_alignment(&e, &prior, &s));
+    assert_true(fabs(s.twist[0] - twist[0]) < 1e-5 && fabs(s.twist[1] - twist[1]) < 1e-5);
+    assert_true(fabs(s.twist[5] - twist[5]) < 1e-5); /* what the wall says */
+    assert_true(fabs(s.twist[2] - mean[2]) < 1e-4);  /* what only inertia can say */
+    assert_true(fabs(s.twist[3] - mean[3]) < 1e-4 && fabs(s.twist[4] - mean[4]) < 1e-4);
+    for (int i = 2; i < 5; i++) assert_true(fabs(sqrt(s.covariance[7 * i]) - 0.01) < 1e-3);
+    assert_true(sqrt(s.covariance[0]) < 1e-4 && sqrt(s.covariance[35]) < 1e-3);
+    assert_true(s.condition > 1e6);
+}
+
+static void nothing_to_solve_is_said(void **state) {
+    (void)state;
+    solution s;
+    normal_equations none, e;
+    memset(&none, 0, sizeof none);
+    assert_false(solve_alignment(&none, NULL, &s));
+    assert_true(isinf(s.condition));
+    for (int j = 0; j < 6; j++) assert_true(s.twist[j] == 0);
+
+    random_pairs(1);
+    const double twist[6] = {0.01, 0, 0, 0, 0.02, 0};
+    off_by(twist);
+    const double bad[] = {NAN, INFINITY, -INFINITY};
+    for (int k = 0; k < 3; k++) {
+        double *places[] = {&e.ata[0], &e.ata[20], &e.ata[35],  &e.atb[0],
+                            &e.atb[5], &e.btb,     &e.point[1], &e.point_squared};
+        for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
+            e = sums();
+            *places[i] = bad[k];
+            bool solved = solve_alignment(&e, NULL, &s);
+            if (solved) print_message("place %zu, value %g was solved\n", i, bad[k]);
+            assert_false(solved);
+        }
+    }
+    e = sums();
+    e.weight = NAN;
+    assert_false(solve_alignment(&e, NULL, &s));
+    e.weight = INFINITY;
+    assert_false(solve_alignment(&e, NULL, &s));
+    e.weight = -1;
+    assert_false(solve_alignment(&e, NULL, &s));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(strips_are_added_in_the_kernels_order),
+        cmocka_unit_test(a_known_motion_is_recovered),
+        cmocka_unit_test(composed_updates_converge_to_a_large_motion),
+        cmocka_unit_test(residual_is_that_of_the_pairs),
+        cmocka_unit_test(singular_values_are_centred_and_scaled),
+        cmocka_unit_test(kappa_depends_on_neither_origin_nor_unit),
+        cmocka_unit_test(a_plane_leaves_its_free_directions_alone),
+        cmocka_unit_test(pairs_in_one_point_are_survived),
+        cmocka_unit_test(covariance_is_what_a_monte_carlo_finds),
+        cmocka_unit_test(pairs_and_prior_are_joined_by_their_information),
+        cmocka_unit_test(a_prior_holds_what_a_plane_leaves_free),
+        cmocka_unit_test(nothing_to_solve_is_said),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,294 @@
+/* Marching cubes: the table (surface_cases), the two kernels and their batches make closed, consistently turned surfaces. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "map/surface.h"
+#include "selftest/kernel_checks_bench.h"
+
+/* ---- a volume of the library, filled by hand -------------------------------------------------------------------- */
+
+#define BLOCKS 3000
+#define ARENA_BYTES ((size_t)64 << 20)
+
+typedef struct {
+    fathom_config config;
+    device d;
+    void *memory;
+    depth_maps maps;
+    volume v;
+    surface_output s;
+    bench_volume filled;
+    fathom_vertex *vertices; /* three a triangle */
+    size_t triangles, room;
+} scene;
+
+static int open_scene(void **state) {
+    scene *s = bench_alloc(sizeof *s);
+    if (kernel_checks_open(&s->d, &s->config, NULL, FATHOM_BUFFERS_AUTO, SHAPE_OWN, NULL, NULL) != FATHOM_OK)
+        return -1;
+    if (posix_memalign(&s->memory, ARENA_ALIGNMENT, ARENA_BYTES)) return -1;
+    arena a = {s->memory, ARENA_BYTES, 0};
+    s->config.voxel_m = 0.02f;
+    depth_maps_init(&s->maps, &s->d, &a, &s->config);
+    surface_init(&s->s, &s->d, &a, &s->maps);
+    volume_init(&s->v, &s->d, &a, &s->config, &s->maps, BLOCKS);
+    bench_volume_make(&s->filled, BLOCKS, 0.02f, 0.08f);
+    *state = s;
+    return s->d.error == FATHOM_OK && a.used <= a.size ? 0 : -1;
+}
+
+static int close_scene(void **state) {
+    scene *s = *state;
+    volume_close(&s->v);
+    surface_close(&s->s);
+    depth_maps_close(&s->maps);
+    device_close(&s->d);
+    bench_volume_free(&s->filled);
+    free(s->vertices);
+    free(s->memory);
+    free(s);
+    return 0;
+}
+
+static void copy_in(scene *s, device_buffer *buffer, const void *from, size_t size) {
+    assert_true(size <= buffer->size);
+    void *p = device_map(&s->d, buffer, CL_MAP_WRITE);
+    assert_non_null(p);
+    memcpy(p, from, size);
+    device_unmap(&s->d, buffer, p);
+}
+
+static int take(void *user, const fathom_vertex *vertices, size_t count) {
+    scene *s = user;
+    if (s->triangles + count > s->room) {
+        s->room = 2 * (s->triangles + count);
+        s->vertices = realloc(s->vertices, s->room * 3 * sizeof *s->vertices);
+        assert_non_null(s->vertices);
+    }
+    memcpy(s->vertices + 3 * s->triangles, vertices, count * 3 * sizeof *vertices);
+    s->triangles += count;
+    return 0;
+}
+
+/* The triangles of what has been filled in. */
+static void extract(scene *s) {
+    s->v.count = s->filled.count;
+    s->v.surface = s->filled.surface;
+    copy_in(s, &s->v.blocks, s->filled.blocks, (size_t)s->v.count * sizeof(cl_int4));
+    copy_in(s, &s->v.table, s->filled.table, (size_t)s->filled.entries * sizeof(cl_int4));
+    copy_in(s, &s->v.voxels, s->filled.voxels, (size_t)s->v.count * BLOCK_BYTES);
+    s->triangles = 0;
+    int64_t count = surface_extract(&s->s, &s->d, &s->v, 0, take, s);
+    assert_int_equal(count, s->triangles);
+}
+
+/* ---- its topology ------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    uint32_t low, high; /* numbers of its corners */
+    int way;            /* +1: from low to high in its triangle */
+} edge;
+
+static int by_position(const void *a, const void *b) {
+    return memcmp((*(const fathom_vertex *const *)a)->position, (*(const fathom_vertex *const *)b)->position,
+                  12);
+}
+
+static int by_corners(const void *a, const void *b) {
+    const edge *p = a, *q = b;
+    if (p->low != q->low) return p->low < q->low ? -1 : 1;
+    return p->high < q->high ? -1 : p->high > q->high;
+}
+
+typedef struct {
+    long corners, edges, triangles;
+    long odd;      /* edges that aren't passed once each way */
+    long unclosed; /* edges not passed as often one way as the other: a hole, or a triangle turned over */
+} topology;
+
+static topology topology_of(const scene *s) {
+    size_t n = 3 * s->triangles;
+    topology t = {.triangles = (long)s->triangles};
+    const fathom_vertex **sorted = bench_alloc(n * sizeof *sorted);
+    uint32_t *number = bench_alloc(n * sizeof *number);
+    edge *edges = bench_alloc(n * sizeof *edges);
+    for (size_t i = 0; i < n; i++) sorted[i] = &s->vertices[i];
+    qsort(sorted, n, sizeof *sorted, by_position);
+    for (size_t i = 0; i < n; i++) { /* corners are one when their positions are equal to the bit */
+        if (i == 0 || by_position(&sorted[i], &sorted[i - 1])) t.corners++;
+        number[sorted[i] - s->vertices] = (uint32_t)t.corners;
+    }
+    for (size_t i = 0; i < n; i++) {
+        uint32_t a = number[i], b = number[i % 3 == 2 ? i - 2 : i + 1];
+        edges[i] = (edge){a < b ? a : b, a < b ? b : a, a < b ? 1 : -1};
+    }
+    qsort(edges, n, sizeof *edges, by_corners);
+    for (size_t i = 0, end; i < n; i = end) {
+        int sum = 0;
+        for (end = i; end < n && by_corners(&edges[i], &edges[end]) == 0; end++) sum += edges[end].way;
+        t.edges++;
+        t.unclosed += sum != 0;
+        t.odd += sum != 0 || end - i != 2;
+    }
+    free(sorted);
+    free(number);
+    free(edges);
+    return t;
+}
+
+/* ---- shapes ----------------------------------------------------------------------------------------------------------- */
+
+/* Off the voxels' grid, so that no voxel lies on the surface to the last bit: there corners of several edges would fall
+ * on one point. */
+static double sphere(const double p[3]) {
+    double x = p[0] - 0.0137, y = p[1] + 0.0213, z = p[2] - 0.0071;
+    return sqrt(x * x + y * y + z * z) - 0.4031;
+}
+
+static double torus(const double p[3]) {
+    double x = p[0] - 0.0137, y = 0.8 * p[1] + 0.6 * p[2] + 0.0213, z = -0.6 * p[1] + 0.8 * p[2] - 0.0071;
+    double ring = sqrt(x * x + y * y) - 0.4031;
+    return sqrt(ring * ring + z * z) - 0.1517;
+}
+
+static void gradient(bench_shape shape, const float p[3], double g[3]) {
+    double length = 0;
+    for (int i = 0; i < 3; i++) {
+        double a[3] = {p[0], p[1], p[2]}, b[3] = {p[0], p[1], p[2]};
+        a[i] += 1e-4;
+        b[i] -= 1e-4;
+        g[i] = shape(a) - shape(b);
+        length += g[i] * g[i];
+    }
+    for (int i = 0; i < 3; i++) g[i] /= sqrt(length);
+}
+
+static double dot(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void check_shape(scene *s, bench_shape shape, long euler) {
+    const double low[3] = {-0.8, -0.8, -0.8}, high[3] = {0.8, 0.8, 0.8};
+    bench_volume_fill(&s->filled, shape, low, high);
+    extract(s);
+    topology t = topology_of(s);
+    assert_true(t.triangles > 5000); /* several batches of blocks */
+    assert_int_equal(t.odd, 0);
+    assert_int_equal(t.corners - t.edges + t.triangles, euler);
+    for (size_t i = 0; i < s->triangles; i++) {
+        const fathom_vertex *v = &s->vertices[3 * i];
+        double a[3], b[3], out[3];
+        for (int k = 0; k < 3; k++) {
+            a[k] = (double)v[1].position[k] - v[0].position[k];
+            b[k] = (double)v[2].position[k] - v[0].position[k];
+        }
+        double cross[3] = {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+        gradient(shape, v[0].position, out);
+        double area2 = sqrt(dot(cross, cross));
+        /* counter-clockwise seen from outside; slivers have no direction to speak of */
+        if (area2 > 1e-6) assert_true(dot(cross, out) > 0.5 * area2);
+        for (int k = 0; k < 3; k++) {
+            double n[3] = {v[k].normal[0], v[k].normal[1], v[k].normal[2]};
+            double p[3] = {v[k].position[0], v[k].position[1], v[k].position[2]};
+            gradient(shape, v[k].position, out);
+            assert_true(fabs(dot(n, n) - 1) < 1e-5);
+            assert_true(dot(n, out) >
+                        0.98); /* outwards: differences over two voxels of 20 on the smaller radius */
+            /* on the surface: a straight line between voxels against a radius of 0.15: 0.02^2 / 8 / 0.15 */
+            assert_true(fabs(shape(p)) < 5e-4);
+        }
+    }
+}
+
+static void a_sphere_is_closed(void **state) {
+    check_shape(*state, sphere, 2);
+}
+
+static void a_torus_is_closed(void **state) {
+    check_shape(*state, torus, 0);
+}
+
+/* Anything inside, outside all around: every case of the table, and its neighbours, without a hole. */
+static void a_random_volume_has_no_holes(void **state) {
+    enum { SIDE = 6 };
+    scene *s = *state;
+    bench b = {.random = 7};
+    bool used[256] = {false};
+    uint8_t cases[256 * 16];
+    surface_cases(cases);
+    for (int i = 0; i < SIDE * SIDE * SIDE; i++) {
+        int block[3] = {i % SIDE - 3, i / SIDE % SIDE - 3, i / SIDE / SIDE - 3};
+        int16_t *data = s->filled.voxels +
+                        (size_t)bench_volume_add(&s->filled, block[0], block[1], block[2]) * 2 * BLOCK_VOXELS;
+        for (int k = 0; k < BLOCK_VOXELS; k++) {
+            int at[3] = {k % 8, k / 8 % 8, k / 64};
+            bool rim = false;
+            for (int a = 0; a < 3; a++) {
+                int whole = (block[a] + 3) * 8 + at[a];
+                rim = rim || whole == 0 || whole == SIDE * 8 - 1;
+            }
+            int d = bench_random_int(&b, 3000, 30000);
+            data[k] = (int16_t)(rim || bench_random_int(&b, 0, 1) ? d : -d);
+            data[BLOCK_VOXELS + k] = 64;
+        }
+    }
+    ref_volume reference;
+    ref_volume_open(&reference, s->filled.blocks, s->filled.count, s->filled.voxels, &s->filled.surface);
+    for (int z = -24; z < 23; z++)
+        for (int y = -24; y < 23; y++)
+            for (int x = -24; x < 23; x++) {
+                int kind = 0;
+                for (int k = 0; k < 8; k++)
+                    kind |= (ref_volume_voxel(&reference, x + (k & 1), y + (k >> 1 & 1), z + (k >> 2)) <= 0)
+                            << k;
+                used[kind] = true;
+            }
+    ref_volume_close(&reference);
+    for (int i = 0; i < 256; i++) assert_true(used[i]);
+    extract(s);
+    topology t = topology_of(s);
+    assert_true(t.triangles > 100000);
+    assert_int_equal(t.unclosed, 0);
+}
+
+/* Each case by itself: triangles use only crossed edges, each crossed edge once or more, and at most five triangles. */
+static void the_table_uses_the_crossed_edges(void **state) {
+    (void)state;
+    uint8_t cases[256 * 16];
+    surface_cases(cases);
+    for (int kind = 0; kind < 256; kind++) {
+        const uint8_t *row = cases + 16 * kind;
+        unsigned crossed = 0, used = 0;
+        for (int axis = 0; axis < 3; axis++)
+            for (int rest = 0; rest < 4; rest++) {
+                int low = axis == 0   ? rest << 1
+                          : axis == 1 ? (rest & 1) | (rest & 2) << 1
+                                      : rest,
+                    high = low | 1 << axis;
+                if ((kind >> low & 1) != (kind >> high & 1)) crossed |= 1u << (4 * axis + rest);
+            }
+        int n = 0;
+        while (n < 16 && row[n] != 255) used |= 1u << row[n++];
+        assert_int_equal(used, crossed);
+        assert_int_equal(n % 3, 0);
+        assert_true(n <= 15);
+        for (int j = n; j < 16; j++) assert_int_equal(row[j], 255);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_table_uses_the_crossed_edges),
+        cmocka_unit_test_setup_teardown(a_sphere_is_closed, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(a_torus_is_closed, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(a_random_volume_has_no_holes, open_scene, close_scene),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
