@@ -1,4 +1,4 @@
-/* Triangles of the surface by marching cubes (Lorensen and Cline 1987). The table is built by the host (lib/surface.c). */
+/* Triangles of the surface by marching cubes (Lorensen and Cline 1987). The table is built by the host (lib/map/surface.c). */
 
 #define CASE_SIZE 16 /* edges of up to five triangles, then 255 */
 

@@ -25,7 +25,7 @@ void aligner_close(aligner *a) {
 }
 
 /* Of a seed: no pairs are looked for beyond three of it, for rays cost by their length. With 0.05 a wrong pose passed
- * (tests/test_faults.c): what doesn't fit has to show. */
+ * (tests/unit/tracking/test_faults.c): what doesn't fit has to show. */
 #define MOST_SIGMA_M 0.2
 
 /* Pairs further apart than this are rejected; twice as far at each coarser level. */

@@ -1,4 +1,4 @@
-/* The OpenCL sources of opencl/, embedded by lib/embed.sh at build time. */
+/* The OpenCL sources of opencl/, embedded by lib/cl/embed.sh at build time. */
 #ifndef FATHOM_KERNELS_H
 #define FATHOM_KERNELS_H
 

@@ -63,7 +63,7 @@ typedef struct {
     int64_t watched;        /* samples that had been accepted at the last frame */
     inertial_stillness stillness;
     fathom_counters counters;
-    /* lib/inertial_check.c's */
+    /* lib/inertial/health/inertial_check.c's */
     bool usable, force_usable; /* as the settings say, unless found to be wrong */
     plausibility check;
     fathom_imu_health told[2]; /* what the log knows of gyroscope and accelerometer */
@@ -71,7 +71,7 @@ typedef struct {
     int64_t base_ns, accepted_ns; /* INT64_MIN: none */
     double velocity[3];        /* m/s, world, from the last two accepted poses */
     bool moving;               /* that is known */
-    /* lib/inertial_rig.c's */
+    /* lib/inertial/rig.c's */
     rig_refiner refiner;
     int64_t refined_ns;    /* added to stamps beside the setting's offset */
     pose awaited;          /* an aligned frame that the samples haven't reached yet */
@@ -112,12 +112,12 @@ void inertial_advance(inertial *n, int64_t timestamp_ns);
 void inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
                       int64_t timestamp_ns);
 
-/* lib/inertial_check.c: is the IMU what the settings say? A frame's pose by alignment; NULL: none to be trusted in all
+/* lib/inertial/health/inertial_check.c: is the IMU what the settings say? A frame's pose by alignment; NULL: none to be trusted in all
  * directions. accepted: it is the frame's pose. Warns, and stops using what is wrong. */
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns);
 void inertial_check_reset(inertial *n);
 
-/* lib/inertial_rig.c: rotation and clock offset go back to the settings; the way from the last well-aligned frame to this
+/* lib/inertial/rig.c: rotation and clock offset go back to the settings; the way from the last well-aligned frame to this
  * one refines them (NULL: there is nothing to compare); what they are. */
 void inertial_rig_reset(inertial *n);
 void inertial_rig_add(inertial *n, const rig_interval *i, const pose *aligned, int64_t timestamp_ns);

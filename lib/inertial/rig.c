@@ -1,4 +1,4 @@
-/* The rig's mounting rotation and clock offset while scanning: as the settings say, or refined (lib/rig_refine.h). */
+/* The rig's mounting rotation and clock offset while scanning: as the settings say, or refined (lib/inertial/extrinsics.h). */
 #include <math.h>
 #include <string.h>
 

@@ -1,6 +1,6 @@
 /* Checks that run the kernels of opencl/ on a device and compare what they write with the reference (reference.h): on
  * random images of odd sizes, on all-invalid frames, at edges and limits, and on a real frame where there is one.
- * `fathom selftest` and tests/test_kernels.c run them. */
+ * `fathom selftest` and tests/unit/cl/test_kernels.c run them. */
 #ifndef FATHOM_TESTS_KERNEL_CHECKS_H
 #define FATHOM_TESTS_KERNEL_CHECKS_H
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # How true the camera's way is: on a real recording at several frame rates, with one iteration a frame, with the lens
-# covered, and on a simulated room without noise (its mesh is measured by tests/test_surface.c).
+# covered, and on a simulated room without noise (its mesh is measured by tests/unit/map/test_surface.c).
 # Usage: sh tests/e2e/accuracy.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 # Two replays run at a time with one thread each: the outcome doesn't depend on the number of threads
 # (tests/e2e/determinism.sh), the time does little.

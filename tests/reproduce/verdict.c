@@ -18,7 +18,7 @@
 #define ALIGNED 6  /* candidates of a frame: aligned from an injected misalignment */
 #define INJECTED 3 /* and left there */
 
-#define CORRELATED_PAIRS 50.0 /* as lib/align.c counts them */
+#define CORRELATED_PAIRS 50.0 /* as lib/align/align.c counts them */
 
 /* Right and wrong, and between them neither. */
 #define RIGHT_M 0.01

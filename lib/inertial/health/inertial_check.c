@@ -1,4 +1,4 @@
-/* Feeds lib/plausibility.c with what samples and alignment say of the same stretches of time, and acts on what it finds. */
+/* Feeds lib/inertial/health/plausibility.c with what samples and alignment say of the same stretches of time, and acts on what it finds. */
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* The 6x6 system of Section 2 (lib/solve.cpp): sums made here in double precision from points and normals, against
+/* The 6x6 system of Section 2 (lib/align/solve.cpp): sums made here in double precision from points and normals, against
  * motions that are known and figures worked out another way. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,4 +1,4 @@
-/* Rigid motions (lib/pose.c): exp and log against a power series and each other, adjoint, covariances, matrices. */
+/* Rigid motions (lib/base/se3.c): exp and log against a power series and each other, adjoint, covariances, matrices. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

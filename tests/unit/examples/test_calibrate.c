@@ -1,4 +1,4 @@
-/* Calibration of the rig (examples/cli/calibration.h) on simulated ways whose rig is known. The poses are the true ones
+/* Calibration of the rig (examples/calibrate/calibration.h) on simulated ways whose rig is known. The poses are the true ones
  * with noise, so no frame is rendered and no library runs. */
 #include <setjmp.h>
 #include <stdarg.h>

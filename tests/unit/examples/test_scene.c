@@ -1,6 +1,6 @@
 /* The simulator: scenes, renderer, camera path, sensor and IMU models, picture files.
  * Links with examples/cli/{scene,scene_rooms,scene_passages,render,camera_path,camera_path_file}.c,
- * examples/cli/{sensor_noise,imu_model}.c and drivers/image_file.c. */
+ * examples/cli/{sensor_noise,imu_model}.c and drivers/recording/image_file.c. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

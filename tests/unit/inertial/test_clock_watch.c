@@ -1,4 +1,4 @@
-/* lib/clock_watch: what is a leap of a clock, and what only looks like one. */
+/* lib/inertial/clock_watch: what is a leap of a clock, and what only looks like one. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,4 +1,4 @@
-/* Inertial navigation (lib/inertial.c): integration against closed forms, bias from a still start, bad samples, the ring
+/* Inertial navigation (lib/inertial/inertial.c): integration against closed forms, bias from a still start, bad samples, the ring
  * between two threads. Also built and run under the thread sanitizer (tests/e2e/thread_sanitizer.sh). */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,4 +1,4 @@
-/* The filter behind InertialEstimate (lib/navigator.cpp, lib/inertial.c) on simulated hand-held paths: dead reckoning,
+/* The filter behind InertialEstimate (lib/inertial/filter.cpp, lib/inertial/inertial.c) on simulated hand-held paths: dead reckoning,
  * convergence of biases and gravity, directions without information, mounting, consistency, broken samples.
  * Links with examples/cli/{scene*,camera_path,imu_model}.c. */
 #include <setjmp.h>

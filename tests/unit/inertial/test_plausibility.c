@@ -1,4 +1,4 @@
-/* Plausibility of the IMU (lib/plausibility.c, lib/inertial_check.c) on simulated hand-held paths: each mistake is named
+/* Plausibility of the IMU (lib/inertial/health/plausibility.c, lib/inertial/health/inertial_check.c) on simulated hand-held paths: each mistake is named
  * and acted on, what is right stays silent. Poses are the true ones with an alignment's noise; nothing is rendered.
  * Links with examples/cli/{scene*,camera_path,imu_model}.c. */
 #include <setjmp.h>

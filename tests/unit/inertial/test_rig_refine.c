@@ -1,4 +1,4 @@
-/* The rig refined while scanning (lib/rig_refine.c, lib/inertial_rig.c) on simulated hand-held paths whose rig is known: the
+/* The rig refined while scanning (lib/inertial/extrinsics.c, lib/inertial/rig.c) on simulated hand-held paths whose rig is known: the
  * poses are the true ones with noise, so no frame is rendered. Links with examples/cli/{scene*,camera_path,imu_model}.c. */
 #include <setjmp.h>
 #include <stdarg.h>
