@@ -3,7 +3,6 @@
 #include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,17 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/log.h"
 #include "cl/kernels.h"
-
-void device_log(const fathom_config *config, fathom_log_level level, const char *format, ...) {
-    if (!config->log) return;
-    char text[512];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    config->log(config->log_user, level, text);
-}
 
 /* ---- choice ---------------------------------------------------------------------------------------------------------- */
 
@@ -42,7 +32,7 @@ int device_choose(device *d, const fathom_config *config) {
     cl_uint platform_count = 0;
     cl_int e = clGetPlatformIDs(16, platforms, &platform_count);
     if (e != CL_SUCCESS || platform_count == 0) {
-        device_log(
+        log_write(
             config, FATHOM_LOG_ERROR,
             "no OpenCL platform found (code %d): install one, e.g. pocl-opencl-icd, or check OCL_ICD_VENDORS",
             e);
@@ -78,8 +68,8 @@ int device_choose(device *d, const fathom_config *config) {
         }
     }
     if (best < 0) {
-        device_log(config, FATHOM_LOG_ERROR, "no OpenCL device matches \"%s\" among %u platforms", wanted,
-                   platform_count);
+        log_write(config, FATHOM_LOG_ERROR, "no OpenCL device matches \"%s\" among %u platforms", wanted,
+                  platform_count);
         return FATHOM_ERROR_DEVICE;
     }
     d->buffers_in_block =
@@ -212,8 +202,8 @@ static bool program_to_file(device *d, const char *path, uint64_t built_for) {
         good = good && rename(part, path) == 0;
         if (!good) {
             if (file >= 0) unlink(part);
-            device_log(d->config, FATHOM_LOG_WARNING, "built kernels can't be written to %s: %s", path,
-                       strerror(errno));
+            log_write(d->config, FATHOM_LOG_WARNING, "built kernels can't be written to %s: %s", path,
+                      strerror(errno));
         }
     }
     munmap(data, size);
@@ -231,7 +221,7 @@ void device_cache_program(device *d) {
 }
 
 static void log_build(device *d, cl_int code) {
-    device_log(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels didn't build on %s (code %d)", d->name, code);
+    log_write(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels didn't build on %s (code %d)", d->name, code);
     size_t size = 0;
     clGetProgramBuildInfo(d->program, d->id, CL_PROGRAM_BUILD_LOG, 0, NULL, &size);
     if (size == 0 || !d->config->log) return;
@@ -251,20 +241,20 @@ static int program_build(device *d) {
     const char *given = d->config->kernel_file;
     if (given && program_from_file(d, given, d->built_for, options)) return FATHOM_OK;
     if (given) {
-        device_log(d->config, FATHOM_LOG_ERROR,
-                   "the built kernels in %s can't be used: missing, damaged, or for another device, driver "
-                   "or version",
-                   given);
+        log_write(d->config, FATHOM_LOG_ERROR,
+                  "the built kernels in %s can't be used: missing, damaged, or for another device, driver "
+                  "or version",
+                  given);
         return FATHOM_ERROR_KERNEL;
     }
     bool cached = cache_path(d, d->built_for, path, sizeof path);
     if (cached && program_from_file(d, path, d->built_for, options)) return FATHOM_OK;
     if (cached && access(path, F_OK) == 0)
-        device_log(d->config, FATHOM_LOG_INFO, "kernel cache %s can't be used: building anew", path);
+        log_write(d->config, FATHOM_LOG_INFO, "kernel cache %s can't be used: building anew", path);
     cl_bool compiler = CL_TRUE;
     clGetDeviceInfo(d->id, CL_DEVICE_COMPILER_AVAILABLE, sizeof compiler, &compiler, NULL);
     if (!compiler) {
-        device_log(
+        log_write(
             d->config, FATHOM_LOG_ERROR,
             "%s has no compiler: it needs kernels built elsewhere (kernel_file; fathom kernels makes them)",
             d->name);
@@ -300,7 +290,7 @@ int device_open(device *d) {
     d->context = clCreateContext(properties, 1, &d->id, NULL, NULL, &e);
     if (d->context) d->queue = clCreateCommandQueue(d->context, d->id, 0, &e);
     if (!d->context || !d->queue) {
-        device_log(d->config, FATHOM_LOG_ERROR, "OpenCL device %s can't be opened (code %d)", d->name, e);
+        log_write(d->config, FATHOM_LOG_ERROR, "OpenCL device %s can't be opened (code %d)", d->name, e);
         device_close(d);
         return FATHOM_ERROR_DEVICE;
     }
@@ -323,7 +313,7 @@ void device_close(device *d) {
 
 static void failed(device *d, const char *what, cl_int code) {
     if (d->error == FATHOM_OK)
-        device_log(d->config, FATHOM_LOG_ERROR, "OpenCL on %s: %s failed (code %d)", d->name, what, code);
+        log_write(d->config, FATHOM_LOG_ERROR, "OpenCL on %s: %s failed (code %d)", d->name, what, code);
     d->error = FATHOM_ERROR_DEVICE;
 }
 

@@ -37,10 +37,6 @@ typedef struct {
     size_t size;
 } device_buffer;
 
-/* Writes a message to the caller's log. */
-void device_log(const fathom_config *config, fathom_log_level level, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-
 /* Chooses the device and says where its buffers will lie; opens nothing. FATHOM_OK or FATHOM_ERROR_DEVICE. */
 int device_choose(device *d, const fathom_config *config);
 
