@@ -134,6 +134,7 @@ help:
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
 	@echo "make fuzz       the parsers of device data under libFuzzer, ten minutes each (FUZZ_SECONDS=)"
+	@echo "make mutants    careless changes in a copy: does a unit test see each? goes on where it stopped (MUTANTS='--count 240 --seed 1')"
 	@echo "make check-vm   the drivers against the kernel's HID and USB in a virtual machine"
 	@echo "make soak       a minute each of scanning and recording at full rate, by hand only (SOAK_SECONDS=)"
 	@echo "make bench      speed beside other systems and the machine's limit (BENCH=--results: into docs/SPEED.md)"
@@ -208,6 +209,11 @@ clean:
 FUZZ_SECONDS ?= 600
 fuzz: deps
 	sh tests/fuzz/run.sh $(BUILD) $(FUZZ_SECONDS)
+
+# Careless changes, one at a time, in copies below $(BUILD)/mutants: the share that the unit tests see, and the survivors.
+.PHONY: mutants
+mutants: deps
+	PYTHONDONTWRITEBYTECODE=1 python3 tests/mutants/mutants.py $(BUILD) $(MUTANTS)
 
 # The drivers against the kernel's own HID and USB stacks, in a virtual machine.
 .PHONY: check-vm

@@ -8,6 +8,7 @@
 #include "api/settings.h"
 #include "api/context.h"
 #include "api/warm_up.h"
+#include "cl/program.h"
 
 #define STRING_(x) #x
 #define STRING(x) STRING_(x)
@@ -173,7 +174,7 @@ int fathom_init(fathom **context, const fathom_config *config, void *memory, siz
     layout(f, &a, plan.blocks);
     f->arena_bytes = plan.host_bytes + plan.device_bytes;
     if (f->device.error == FATHOM_OK) warm_up(f);
-    if (f->device.error == FATHOM_OK) device_cache_program(&f->device);
+    if (f->device.error == FATHOM_OK) program_to_cache(&f->device);
     if (f->device.error == FATHOM_OK) start_over(f);
     if (f->device.error != FATHOM_OK) {
         e = f->device.error;
@@ -198,7 +199,7 @@ int fathom_reset(fathom *f) {
 
 int fathom_save_kernels(fathom *f, const char *path) {
     if (!f || !path || !*path) return FATHOM_ERROR_ARGUMENT;
-    return device_save_program(&f->device, path) ? FATHOM_OK : FATHOM_ERROR_KERNEL;
+    return program_save(&f->device, path) ? FATHOM_OK : FATHOM_ERROR_KERNEL;
 }
 
 int fathom_pause(fathom *f, bool pause) {
