@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "simulate/counter_random.h"
-#include "fathom/playback.h"
+#include "fathom/replay/playback.h"
 #include "api/context.h"
 #include "base/covariance.h"
 
