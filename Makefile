@@ -29,7 +29,8 @@ WARN     = -Wall -Wextra -Wshadow -Wpointer-arith -Wvla
 CPPFLAGS += -Ilib -Idrivers -Iexamples -Itests -Itests/support -MMD -MP
 ALL_CFLAGS   = -std=c11 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -Wstrict-prototypes -Wmissing-prototypes -fPIC \
                -fvisibility=hidden -ffp-contract=off $(SAN_FLAGS) $(CFLAGS)
-ALL_CXXFLAGS = -std=c++17 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -fPIC -fvisibility=hidden -fvisibility-inlines-hidden \
+# Eigen's full debug information is a hundred times the code.
+ALL_CXXFLAGS = -std=c++17 -D_GNU_SOURCE $(OPTIMISE:-g=-g1) $(WARN) -fPIC -fvisibility=hidden -fvisibility-inlines-hidden \
                -ffp-contract=off -fno-exceptions -fno-rtti -fno-gnu-unique -DEIGEN_NO_MALLOC \
                $(shell pkg-config --cflags eigen3 2>/dev/null | sed 's/-I/-isystem /g') $(SAN_FLAGS) $(CXXFLAGS)
 ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
