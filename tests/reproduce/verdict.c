@@ -13,6 +13,7 @@
 #include "simulate/counter_random.h"
 #include "fathom/replay/playback.h"
 #include "api/context.h"
+#include "base/covariance.h"
 
 #define DEGREES 57.29577951308232
 #define ALIGNED 6  /* candidates of a frame: aligned from an injected misalignment */
