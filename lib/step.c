@@ -39,11 +39,11 @@ static void propagate(const double old[36], const inertial_motion *d, double out
 /* The camera's way since the last frame: by the caller's hook, by inertia, or, knowing nothing, none. */
 static inertial_motion inertial_seed(fathom *f, int64_t from_ns, int64_t to_ns) {
     inertial_motion d;
-    fathom_motion given;
+    fathom_motion given = FATHOM_STRUCT(fathom_motion);
     const fathom_config *c = &f->config;
     bool hooked = c->inertial_hook &&
                   c->inertial_hook(c->inertial_user, from_ns, to_ns, &given) == FATHOM_OK &&
-                  pose_from_matrix(given.motion, &d.motion);
+                  pose_take(&given.motion, &d.motion);
     for (int i = 0; hooked && i < 36; i++) {
         d.covariance[i] = given.covariance[i];
         hooked = isfinite(d.covariance[i]) && (i % 7 != 0 || d.covariance[i] >= 0);
@@ -170,7 +170,7 @@ static double valid_part(const fathom_config *c, const fathom_depth_frame *scan)
         high = (int)fminf(c->depth_max_m * units, 65534);
     for (int y = 0; y < scan->height; y += 4, rows++)
         for (int x = 0; x < scan->width; x++) {
-            int d = scan->depth[y * scan->width + x];
+            int d = scan->depth[y * (scan->row_stride_bytes / 2) + x];
             valid += d >= low && d <= high;
         }
     return (double)valid / (rows * scan->width);
@@ -373,11 +373,11 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
 
 void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     double start = now_ms();
-    memset(r, 0, sizeof *r);
+    *r = FATHOM_STRUCT(fathom_result);
     r->timestamp_ns = scan->timestamp_ns;
     inertial_drain(&f->inertial);
     inertial_follow_clock(&f->inertial, scan->timestamp_ns);
-    depth_maps_make(&f->maps, &f->device, scan->depth, 0);
+    depth_maps_make(&f->maps, &f->device, scan->depth, (size_t)scan->row_stride_bytes, 0);
     device_wait(&f->device);
     r->ms_maps = (float)(now_ms() - start);
 
@@ -387,8 +387,9 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
         first_step(f, scan, r);
 
     f->timestamp_ns = scan->timestamp_ns;
-    pose_to_matrix(&f->pose, r->pose);
-    for (int i = 0; i < 36; i++) r->covariance[i] = (float)f->covariance[i];
+    r->pose = r->odometry = pose_give(&f->pose);
+    memcpy(r->pose_covariance, f->covariance, sizeof r->pose_covariance);
+    memcpy(r->odometry_covariance, f->covariance, sizeof r->odometry_covariance);
     r->blocks = f->volume.count;
     r->gyro_health = f->inertial.check.gyro.health;
     r->accel_health = f->inertial.check.accel.health;

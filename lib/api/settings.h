@@ -8,6 +8,9 @@
 #define CONFIG_BLOCKS_MOST 16777216
 #define STAMP_MOST 4000000000000000000 /* ns, 126 years: no difference of two stamps leaves an int64 */
 
+/* All settings at their defaults. */
+fathom_config config_default(void);
+
 /* FATHOM_OK, or FATHOM_ERROR_CONFIG after a log message that names the setting. */
 int config_check(const fathom_config *config);
 
