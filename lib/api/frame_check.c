@@ -1,7 +1,7 @@
 #include "api/frame_check.h"
 
 #include "api/call.h"
-#include "api/settings.h"
+#include "base/stamps.h"
 
 #define SECOND_NS 1000000000
 #define IMAGE_SIZE_MAX 16384
@@ -12,7 +12,7 @@ static int check_size_and_stamp(fathom *f, const fathom_depth_frame *frame) {
     if (frame->width != c->width || frame->height != c->height)
         return report_fail(r, FATHOM_ERROR_SIZE, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d",
                            frame->width, frame->height, c->width, c->height);
-    if (frame->timestamp_ns < -STAMP_MOST || frame->timestamp_ns > STAMP_MOST)
+    if (!stamp_valid(frame->timestamp_ns))
         return report_fail(r, FATHOM_ERROR_TIME, FATHOM_LOG_WARNING,
                            "a frame stamped %lld ns was ignored: more than 126 years from zero",
                            (long long)frame->timestamp_ns);
@@ -42,7 +42,7 @@ static int check_image(fathom *f, const fathom_image *given) {
     if (!image.data) return call_refuse(f, "the image's data is NULL");
     if (image.width < 1 || image.height < 1 || image.width > IMAGE_SIZE_MAX || image.height > IMAGE_SIZE_MAX)
         return call_refuse(f, "an image of %dx%d; each must lie within 1 and %d", image.width, image.height, IMAGE_SIZE_MAX);
-    if (image.timestamp_ns < -STAMP_MOST || image.timestamp_ns > STAMP_MOST)
+    if (!stamp_valid(image.timestamp_ns))
         return call_refuse(f, "an image stamped %lld ns: more than 126 years from zero", (long long)image.timestamp_ns);
     const int64_t tight = tight_stride(&image);
     if (tight < 0) return call_refuse(f, "an image of format %d, %d wide: no such format", image.format, image.width);

@@ -4,6 +4,7 @@
 #include "api/call.h"
 #include "api/plan.h"
 #include "api/warm_up.h"
+#include "base/log.h"
 #include "cl/program.h"
 
 static void close_parts(fathom *f) {
@@ -47,14 +48,14 @@ static int build(fathom *f, const fathom *scratch, const fathom_memory_plan *pla
     plan_layout(f, a, plan->blocks);
     f->arena_bytes = plan->host_bytes + plan->device_bytes;
     if (f->device.error == FATHOM_OK) warm_up(f);
-    if (f->device.error == FATHOM_OK) device_cache_program(&f->device);
+    if (f->device.error == FATHOM_OK) program_cache(&f->device);
     if (f->device.error == FATHOM_OK) start_over(f);
     if (f->device.error != FATHOM_OK) {
         e = f->device.error;
         close_parts(f);
         return e;
     }
-    device_log(&f->config, FATHOM_LOG_INFO, "OpenCL device %s, maps %dx%d, %d blocks, %.1f MB", plan->device,
+    log_write(&f->config, FATHOM_LOG_INFO, "OpenCL device %s, maps %dx%d, %d blocks, %.1f MB", plan->device,
                plan->align_width, plan->align_height, plan->blocks, (double)f->arena_bytes / 1048576);
     return FATHOM_OK;
 }
@@ -107,7 +108,7 @@ int fathom_save_kernels(fathom *f, const char *path) {
     int e = call_begin(f);
     if (e != FATHOM_OK) return e;
     if (!path || !*path) return call_refuse(f, "the kernels' path is NULL or empty");
-    bool saved = device_save_program(&f->device, path);
+    bool saved = program_save(&f->device, path);
     e = call_end(f);
     return e != FATHOM_OK ? e : saved ? FATHOM_OK : FATHOM_ERROR_KERNEL;
 }

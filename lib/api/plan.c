@@ -5,6 +5,7 @@
 
 #include "api/config.h"
 #include "api/settings.h"
+#include "base/log.h"
 #include "base/sized.h"
 
 void plan_layout(fathom *f, arena *a, int blocks) {
@@ -45,7 +46,7 @@ int plan_make(fathom *f, const fathom_config *given, fathom_memory_plan *plan) {
     }
     int64_t host_bytes = bytes_with(f, blocks > 0 ? blocks : 1, &device_bytes);
     if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->memory_cap_bytes) {
-        device_log(config, FATHOM_LOG_ERROR,
+        log_write(config, FATHOM_LOG_ERROR,
                    "memory_cap_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
                    (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576,
                    blocks > CONFIG_BLOCKS_LEAST ? blocks : CONFIG_BLOCKS_LEAST);

@@ -2,12 +2,8 @@
 #include <string.h>
 
 #include "api/call.h"
-#include "api/settings.h"
 #include "base/sized.h"
-
-static bool stamp_good(int64_t stamp_ns) {
-    return stamp_ns >= -STAMP_MOST && stamp_ns <= STAMP_MOST;
-}
+#include "base/stamps.h"
 
 int fathom_inertial_estimate(fathom *f, int64_t from_ns, int64_t to_ns, fathom_motion *motion) {
     inertial_motion m;
@@ -16,7 +12,7 @@ int fathom_inertial_estimate(fathom *f, int64_t from_ns, int64_t to_ns, fathom_m
     if (e != FATHOM_OK) return e;
     const size_t size = call_struct(f, motion, "fathom_motion");
     if (size == 0) return FATHOM_ERROR_ARGUMENT;
-    if (!stamp_good(from_ns) || !stamp_good(to_ns)) return call_refuse(f, "a stamp more than 126 years from zero");
+    if (!stamp_valid(from_ns) || !stamp_valid(to_ns)) return call_refuse(f, "a stamp more than 126 years from zero");
     inertial_drain(&f->inertial);
     e = inertial_estimate(&f->inertial, from_ns, to_ns, &m);
     if (e != FATHOM_OK) {

@@ -6,7 +6,6 @@
 
 #define CONFIG_BLOCKS_LEAST 64 /* of a pool */
 #define CONFIG_BLOCKS_MOST 16777216
-#define STAMP_MOST 4000000000000000000 /* ns, 126 years: no difference of two stamps leaves an int64 */
 
 /* All settings at their defaults. */
 fathom_config config_default(void);

@@ -1,6 +1,7 @@
 /* Samples and frames in, results out. */
 #include "api/call.h"
 #include "api/frame_check.h"
+#include "base/log.h"
 #include "base/sized.h"
 
 int fathom_push_imu(fathom *f, const fathom_imu_sample *sample) {
@@ -31,7 +32,7 @@ int fathom_step(fathom *f, const fathom_depth_frame *given, fathom_result *resul
     sized_out(result, size, &whole, sizeof whole);
     if (whole.pool_full && !f->said_full) {
         f->said_full = true;
-        device_log(&f->config, FATHOM_LOG_WARNING,
+        log_write(&f->config, FATHOM_LOG_WARNING,
                    "the block pool is full (%d blocks): the surface no longer grows, tracking goes on",
                    f->volume.capacity);
     }

@@ -2,7 +2,6 @@
 #include <math.h>
 
 #include "api/call.h"
-#include "api/settings.h"
 
 #define VIEW_SIZE_MAX 16384
 

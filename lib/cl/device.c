@@ -1,21 +1,11 @@
 #include "cl/device.h"
 
 #include <ctype.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "cl/program.h"
-
-void device_log(const fathom_config *config, fathom_log_level level, const char *format, ...) {
-    if (!config->log) return;
-    char text[512];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    config->log(config->log_user, level, text);
-}
 
 /* ---- choice ---------------------------------------------------------------------------------------------------------- */
 
@@ -76,7 +66,7 @@ int device_choose(device *d, const fathom_config *config) {
     cl_uint platform_count = 0;
     cl_int e = clGetPlatformIDs(MAX_PLATFORMS, platforms, &platform_count);
     if (e != CL_SUCCESS || platform_count == 0) {
-        device_log(
+        log_write(
             config, FATHOM_LOG_ERROR,
             "no OpenCL platform found (code %d): install one, e.g. pocl-opencl-icd, or check OCL_ICD_VENDORS",
             e);
@@ -93,8 +83,8 @@ int device_choose(device *d, const fathom_config *config) {
             best = consider(d, platforms[p], name, ids[i], wanted, best);
     }
     if (best < 0) {
-        device_log(config, FATHOM_LOG_ERROR, "no OpenCL device matches \"%s\" among %u platforms", wanted,
-                   platform_count);
+        log_write(config, FATHOM_LOG_ERROR, "no OpenCL device matches \"%s\" among %u platforms", wanted,
+                  platform_count);
         return FATHOM_ERROR_DEVICE;
     }
     d->buffers_in_block =
@@ -113,7 +103,7 @@ int device_open(device *d) {
     d->context = clCreateContext(properties, 1, &d->id, NULL, NULL, &e);
     if (d->context) d->queue = clCreateCommandQueue(d->context, d->id, 0, &e);
     if (!d->context || !d->queue) {
-        device_log(d->config, FATHOM_LOG_ERROR, "OpenCL device %s can't be opened (code %d)", d->name, e);
+        log_write(d->config, FATHOM_LOG_ERROR, "OpenCL device %s can't be opened (code %d)", d->name, e);
         device_close(d);
         return FATHOM_ERROR_DEVICE;
     }
@@ -134,6 +124,6 @@ void device_close(device *d) {
 
 void device_failed(device *d, const char *what, cl_int code) {
     if (d->error == FATHOM_OK)
-        device_log(d->config, FATHOM_LOG_ERROR, "OpenCL on %s: %s failed (code %d)", d->name, what, code);
+        log_write(d->config, FATHOM_LOG_ERROR, "OpenCL on %s: %s failed (code %d)", d->name, what, code);
     d->error = FATHOM_ERROR_DEVICE;
 }

@@ -29,10 +29,6 @@ typedef struct {
     char name[128];
 } device;
 
-/* Writes a message to the caller's log. */
-void device_log(const fathom_config *config, fathom_log_level level, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-
 /* Chooses the device and says where its buffers will lie; opens nothing. FATHOM_OK or FATHOM_ERROR_DEVICE. */
 int device_choose(device *d, const fathom_config *config);
 

@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/log.h"
 #include "cl/kernels.h"
 
 /* FNV-1a, 64 bits (Fowler, Noll, Vo). */
@@ -109,7 +110,7 @@ static bool program_to_file(device *d, const char *path, uint64_t built_for) {
     char part[PATH_MAX]; /* beside the file, so that it gets its name whole or not at all */
     bool fits = snprintf(part, sizeof part, "%s.%d", path, (int)getpid()) < (int)sizeof part;
     if (!fits)
-        device_log(d->config, FATHOM_LOG_WARNING, "built kernels can't be written: the path is too long: %s", path);
+        log_write(d->config, FATHOM_LOG_WARNING, "built kernels can't be written: the path is too long: %s", path);
     else if (clGetProgramInfo(d->program, CL_PROGRAM_BINARIES, sizeof binary, &binary, NULL) == CL_SUCCESS) {
         header->built_for = built_for;
         header->size = size - sizeof *header;
@@ -125,8 +126,8 @@ static bool program_to_file(device *d, const char *path, uint64_t built_for) {
         good = good && rename(part, path) == 0;
         if (!good) {
             if (file >= 0) unlink(part);
-            device_log(d->config, FATHOM_LOG_WARNING, "built kernels can't be written to %s: %s", path,
-                       strerror(errno));
+            log_write(d->config, FATHOM_LOG_WARNING, "built kernels can't be written to %s: %s", path,
+                      strerror(errno));
         }
     }
     munmap(data, size);
@@ -144,7 +145,7 @@ void program_to_cache(device *d) {
 }
 
 static void log_build(device *d, cl_int code) {
-    device_log(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels didn't build on %s (code %d)", d->name, code);
+    log_write(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels didn't build on %s (code %d)", d->name, code);
     size_t size = 0;
     clGetProgramBuildInfo(d->program, d->id, CL_PROGRAM_BUILD_LOG, 0, NULL, &size);
     if (size == 0 || !d->config->log) return;
@@ -164,20 +165,20 @@ int program_build(device *d) {
     const char *given = d->config->kernel_file;
     if (given && program_from_file(d, given, d->built_for, options)) return FATHOM_OK;
     if (given) {
-        device_log(d->config, FATHOM_LOG_ERROR,
-                   "the built kernels in %s can't be used: missing, damaged, or for another device, driver "
-                   "or version",
-                   given);
+        log_write(d->config, FATHOM_LOG_ERROR,
+                  "the built kernels in %s can't be used: missing, damaged, or for another device, driver "
+                  "or version",
+                  given);
         return FATHOM_ERROR_KERNEL;
     }
     bool cached = cache_path(d, d->built_for, path, sizeof path);
     if (cached && program_from_file(d, path, d->built_for, options)) return FATHOM_OK;
     if (cached && access(path, F_OK) == 0)
-        device_log(d->config, FATHOM_LOG_INFO, "kernel cache %s can't be used: building anew", path);
+        log_write(d->config, FATHOM_LOG_INFO, "kernel cache %s can't be used: building anew", path);
     cl_bool compiler = CL_TRUE;
     clGetDeviceInfo(d->id, CL_DEVICE_COMPILER_AVAILABLE, sizeof compiler, &compiler, NULL);
     if (!compiler) {
-        device_log(
+        log_write(
             d->config, FATHOM_LOG_ERROR,
             "%s has no compiler: it needs kernels built elsewhere (kernel_file; fathom kernels makes them)",
             d->name);

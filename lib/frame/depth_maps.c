@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/log.h"
+
 #define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
 
 int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
@@ -12,7 +14,7 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
         int factor = 1;
         while (p->width / factor > c->align_most || p->width % factor || p->height % factor) {
             if (++factor > 64) {
-                device_log(c, FATHOM_LOG_ERROR,
+                log_write(c, FATHOM_LOG_ERROR,
                            "depth of %dx%d has no whole fraction up to %d wide: set align_width",
                            p->width, p->height, c->align_most);
                 return FATHOM_ERROR_CONFIG;
@@ -23,7 +25,7 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     }
     if (width < 16 || height < 16 || p->width % width || p->height % height ||
         p->width / width != p->height / height) {
-        device_log(c, FATHOM_LOG_ERROR,
+        log_write(c, FATHOM_LOG_ERROR,
                    "alignment size %dx%d is not depth size %dx%d over one whole number, or below 16", width,
                    height, p->width, p->height);
         return FATHOM_ERROR_CONFIG;
