@@ -199,7 +199,7 @@ typedef enum {
 /* "unchecked", "good", "saturated", "units", ... Never NULL; static storage. Any thread. */
 FATHOM_API const char *fathom_imu_health_name(int32_t health);
 
-/* The caller's own InertialEstimate: fills motion->motion and ->covariance for the camera's way from from_ns to to_ns (depth clock). Returns
+/* The caller's own InertialEstimate: fills motion->motion and ->covariance, which are zeroed, for the camera's way from from_ns to to_ns (depth clock). Returns
  * FATHOM_OK, or FATHOM_ERROR_NO_DATA when it can't say (then the library's own estimate is used, as when what it gave is
  * not finite or not rigid). Called on the stepping thread from within fathom_step. */
 typedef int (*fathom_inertial_hook)(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motion);

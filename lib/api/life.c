@@ -48,7 +48,7 @@ static int build(fathom *f, const fathom *scratch, const fathom_memory_plan *pla
     plan_layout(f, a, plan->blocks);
     f->arena_bytes = plan->host_bytes + plan->device_bytes;
     if (f->device.error == FATHOM_OK) warm_up(f);
-    if (f->device.error == FATHOM_OK) program_cache(&f->device);
+    if (f->device.error == FATHOM_OK) program_to_cache(&f->device);
     if (f->device.error == FATHOM_OK) start_over(f);
     if (f->device.error != FATHOM_OK) {
         e = f->device.error;

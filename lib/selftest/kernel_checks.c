@@ -28,7 +28,7 @@ const int kernel_check_count = sizeof kernel_checks / sizeof kernel_checks[0];
 
 int kernel_checks_open(device *d, fathom_config *config, const char *name, fathom_buffers buffers,
                        kernel_shape shape, fathom_log log, void *log_user) {
-    *config = fathom_config_default();
+    fathom_config_init(config);
     config->device = name;
     config->buffers = buffers;
     config->log = log;

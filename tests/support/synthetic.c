@@ -89,14 +89,15 @@ const char *synthetic_folder(const char *name) {
 
 fathom_config synthetic_config(const synthetic_frame *first) {
     static char cache[4096];
-    fathom_config c = fathom_config_default();
+    fathom_config c;
+    fathom_config_init(&c);
     if (!*cache) snprintf(cache, sizeof cache, "%s", synthetic_folder("kernels"));
-    c.depth_width = SYNTHETIC_WIDTH;
-    c.depth_height = SYNTHETIC_HEIGHT;
-    c.fx = (float)camera.fx;
-    c.fy = (float)camera.fy;
-    c.cx = (float)camera.cx;
-    c.cy = (float)camera.cy;
+    c.depth_camera.width = SYNTHETIC_WIDTH;
+    c.depth_camera.height = SYNTHETIC_HEIGHT;
+    c.depth_camera.fx = (float)camera.fx;
+    c.depth_camera.fy = (float)camera.fy;
+    c.depth_camera.cx = (float)camera.cx;
+    c.depth_camera.cy = (float)camera.cy;
     c.depth_units_per_metre = SYNTHETIC_UNITS;
     c.voxel_m = 0.02f;
     c.blocks = 6000;
@@ -107,12 +108,12 @@ fathom_config synthetic_config(const synthetic_frame *first) {
 
 synthetic_context synthetic_start(const fathom_config *config) {
     synthetic_context c = {NULL, NULL, 0};
-    int64_t bytes = fathom_memory_required(config);
+    int64_t bytes = fathom_memory_required(config, NULL, 0);
     assert_true(bytes > 0);
     c.bytes = (size_t)bytes;
     c.block = malloc(c.bytes);
     assert_non_null(c.block);
-    assert_int_equal(fathom_init(&c.scan, config, c.block, c.bytes), FATHOM_OK);
+    assert_int_equal(fathom_init(&c.scan, config, c.block, c.bytes, NULL, 0), FATHOM_OK);
     assert_non_null(c.scan);
     return c;
 }
@@ -125,8 +126,8 @@ void synthetic_stop(synthetic_context *c) {
 }
 
 fathom_result synthetic_step(fathom *scan, const synthetic_frame *f) {
-    fathom_depth_frame frame = {f->timestamp_ns, f->depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-    fathom_result r;
+    fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = f->timestamp_ns, .depth = f->depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     assert_int_equal(fathom_step(scan, &frame, &r), FATHOM_OK);
     assert_true(r.timestamp_ns == f->timestamp_ns);
     synthetic_check_result(&r);
@@ -135,8 +136,8 @@ fathom_result synthetic_step(fathom *scan, const synthetic_frame *f) {
 
 fathom_result synthetic_blank(fathom *scan, int64_t timestamp_ns) {
     static const synthetic_frame blank;
-    fathom_depth_frame frame = {timestamp_ns, blank.depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-    fathom_result r;
+    fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = timestamp_ns, .depth = blank.depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     assert_int_equal(fathom_step(scan, &frame, &r), FATHOM_OK);
     synthetic_check_result(&r);
     return r;

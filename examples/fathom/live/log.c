@@ -222,7 +222,7 @@ int command_log(int argc, char **argv) {
     int status = read_options(&logging, argc, argv);
     if (status || logging.help) return status;
     logging.log.verbose = logging.live.verbose;
-    logging.config = fathom_config_default();
+    fathom_config_init(&logging.config);
     cli_catch_interrupt();
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
 

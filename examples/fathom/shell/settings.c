@@ -40,7 +40,8 @@ const char settings_help[] =
     "    --kernels FILE             built kernels, as `fathom kernels` wrote them, instead of a compiler\n";
 
 void settings_start(struct settings *settings) {
-    *settings = (struct settings){.config = fathom_config_default()};
+    *settings = (struct settings){0};
+    fathom_config_init(&settings->config);
 }
 
 static int take_choice(const char *option, const char *text, const char *first, const char *second) {
@@ -66,10 +67,10 @@ static int stay(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motio
     const double turn = 1.0, speed = 0.5; /* rad/s, m/s */
     const double dt = 1e-9 * ((double)to_ns - (double)from_ns);
     (void)user;
-    *motion = (fathom_motion){.motion = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}};
+    motion->motion = (fathom_pose){.orientation = {0, 0, 0, 1}};
     for (int i = 0; i < 3; i++) {
-        motion->covariance[7 * i] = (float)(turn * turn * dt * dt);
-        motion->covariance[7 * (i + 3)] = (float)(speed * speed * dt * dt);
+        motion->covariance[7 * i] = turn * turn * dt * dt;
+        motion->covariance[7 * (i + 3)] = speed * speed * dt * dt;
     }
     return FATHOM_OK;
 }
@@ -96,7 +97,8 @@ static bool set_preset(const char *option, const char *text, struct settings *se
     static const char *const names[] = {"tiny", "small", "large"};
     for (int i = 0; i < 3; i++) {
         if (strcmp(text, names[i]) != 0) continue;
-        const fathom_config c = fathom_config_preset((fathom_preset)i);
+        fathom_config c;
+        fathom_config_preset(&c, i);
         settings->config.align_most = c.align_most;
         if (settings->memory == 0) settings->config.memory_cap_bytes = c.memory_cap_bytes;
         if (settings->voxel == 0) settings->config.voxel_m = c.voxel_m;
@@ -148,10 +150,10 @@ int settings_take(struct settings *settings, struct options *options) {
         break;
     case INTRINSICS:
         good = parse_numbers(name, value, 4, 1e-3, 1e5, settings->intrinsics);
-        config->fx = (float)settings->intrinsics[0];
-        config->fy = (float)settings->intrinsics[1];
-        config->cx = (float)settings->intrinsics[2];
-        config->cy = (float)settings->intrinsics[3];
+        config->depth_camera.fx = settings->intrinsics[0];
+        config->depth_camera.fy = settings->intrinsics[1];
+        config->depth_camera.cx = settings->intrinsics[2];
+        config->depth_camera.cy = settings->intrinsics[3];
         break;
     case TRANSLATION:
         choice = take_choice(name, value, "on", "off");

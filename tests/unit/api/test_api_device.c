@@ -40,12 +40,12 @@ static fathom_config logged(void) {
 static int start_and_say(void) {
     fathom_config c = logged();
     c.cache_folder = "";
-    int64_t bytes = fathom_memory_required(&c);
+    int64_t bytes = fathom_memory_required(&c, NULL, 0);
     fathom *scan = (fathom *)&kept;
     int e = (int)bytes;
     if (bytes > 0) {
         void *block = malloc((size_t)bytes);
-        e = fathom_init(&scan, &c, block, (size_t)bytes);
+        e = fathom_init(&scan, &c, block, (size_t)bytes, NULL, 0);
         if (e == FATHOM_OK) {
             fathom_close(scan);
         } else if (scan) {
@@ -250,9 +250,8 @@ typedef struct {
 static void *step_all(void *argument) {
     stepper *s = argument;
     for (int i = 0; i < FRAMES; i++) {
-        fathom_depth_frame frame = {frames[i].timestamp_ns, frames[i].depth, SYNTHETIC_WIDTH,
-                                    SYNTHETIC_HEIGHT};
-        fathom_result r;
+        fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = frames[i].timestamp_ns, .depth = frames[i].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         s->failed |= fathom_step(s->scan, &frame, &r) != FATHOM_OK;
         memcpy(s->end, r.pose, sizeof s->end);
     }
@@ -279,10 +278,10 @@ static void contexts_step_on_threads_of_their_own(void **state) {
 static int start_with(const char *cache, const char *wanted) {
     fathom_config c = logged();
     c.cache_folder = cache ? synthetic_folder(cache) : NULL;
-    int64_t bytes = fathom_memory_required(&c);
+    int64_t bytes = fathom_memory_required(&c, NULL, 0);
     void *block = malloc((size_t)bytes);
     fathom *scan = NULL;
-    int e = bytes > 0 ? fathom_init(&scan, &c, block, (size_t)bytes) : (int)bytes;
+    int e = bytes > 0 ? fathom_init(&scan, &c, block, (size_t)bytes, NULL, 0) : (int)bytes;
     printf("%s\n%s", fathom_error_name(e), kept.text);
     bool said = !wanted || strstr(kept.text, wanted);
     if (e == FATHOM_OK) fathom_close(scan);

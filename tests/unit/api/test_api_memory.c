@@ -54,18 +54,19 @@ static void names_are_given_for_any_value(void **state) {
 
 static void default_settings_need_at_most_128_mb(void **state) {
     (void)state;
-    fathom_config c = fathom_config_default();
-    fathom_memory_plan plan;
+    fathom_config c;
+    fathom_config_init(&c);
+    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
     assert_int_equal(c.struct_size, sizeof c);
-    assert_int_equal(fathom_memory_plan_for(&c, &plan), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &plan, NULL, 0), FATHOM_OK);
     assert_true(plan.host_bytes + plan.device_bytes <= (int64_t)128 << 20);
     assert_true(plan.host_bytes + plan.device_bytes > (int64_t)120 << 20); /* and it uses what it may */
     assert_int_equal(plan.align_width, 320);
     assert_int_equal(plan.align_height, 240);
     assert_true(plan.blocks > 40000);
     assert_true(strlen(plan.device) > 0);
-    assert_true(fathom_memory_required(&c) == plan.host_bytes);
-    assert_true(fathom_memory_required(&c) == plan.host_bytes); /* asking changes nothing */
+    assert_true(fathom_memory_required(&c, NULL, 0) == plan.host_bytes);
+    assert_true(fathom_memory_required(&c, NULL, 0) == plan.host_bytes); /* asking changes nothing */
 }
 
 static void presets_keep_to_their_memory(void **state) {
@@ -80,8 +81,8 @@ static void presets_keep_to_their_memory(void **state) {
                   {FATHOM_PRESET_LARGE, 640, 0.008f, 256}};
     for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++) {
         fathom_config c = fathom_config_preset(wanted[i].preset);
-        fathom_memory_plan plan;
-        assert_int_equal(fathom_memory_plan_for(&c, &plan), FATHOM_OK);
+        fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
+        assert_int_equal(fathom_plan_memory(&c, &plan, NULL, 0), FATHOM_OK);
         assert_int_equal(plan.align_width, wanted[i].width);
         assert_true(c.voxel_m == wanted[i].voxel_m);
         assert_true(plan.host_bytes + plan.device_bytes <= wanted[i].megabytes << 20);
@@ -92,36 +93,36 @@ static void presets_keep_to_their_memory(void **state) {
 static void memory_follows_the_settings(void **state) {
     (void)state;
     fathom_config c = logged();
-    fathom_memory_plan few, many;
+    fathom_memory_plan few = FATHOM_STRUCT(fathom_memory_plan), many = few;
     c.blocks = 64;
-    assert_int_equal(fathom_memory_plan_for(&c, &few), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &few, NULL, 0), FATHOM_OK);
     c.blocks = 2112;
-    assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &many, NULL, 0), FATHOM_OK);
     int64_t more = many.host_bytes + many.device_bytes - few.host_bytes - few.device_bytes;
     assert_true(more >= 2048 * 2048 && more < 2048 * 2200);
     c.blocks = 0; /* what the cap leaves */
     c.memory_cap_bytes = 20 << 20;
-    assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &many, NULL, 0), FATHOM_OK);
     assert_true(many.host_bytes + many.device_bytes <= c.memory_cap_bytes && many.blocks > 2000);
     c.memory_cap_bytes = (int64_t)1 << 46; /* more than a pool can have */
-    assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &many, NULL, 0), FATHOM_OK);
     assert_int_equal(many.blocks, 16777216);
     assert_int_equal(kept.errors, 0);
 
     c.memory_cap_bytes = 1 << 20; /* not even the maps */
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_MEMORY);
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_MEMORY);
     assert_int_equal(kept.errors, 1);
     assert_non_null(strstr(kept.text, "memory_cap_bytes"));
     c.memory_cap_bytes = 20 << 20; /* more blocks than the cap holds */
     c.blocks = 20000;
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_MEMORY);
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_MEMORY);
     assert_int_equal(kept.errors, 2);
 }
 
 static void a_block_one_byte_short_is_refused_untouched(void **state) {
     (void)state;
     fathom_config c = logged();
-    int64_t bytes = fathom_memory_required(&c);
+    int64_t bytes = fathom_memory_required(&c, NULL, 0);
     assert_true(bytes > 0);
     size_t size = (size_t)bytes;
     unsigned char *block = malloc(size), *pattern = malloc(size);
@@ -132,7 +133,7 @@ static void a_block_one_byte_short_is_refused_untouched(void **state) {
     for (int i = 0; i < 5; i++) {
         fathom *scan = (fathom *)&kept;
         kept.errors = 0;
-        assert_int_equal(fathom_init(&scan, &c, block, sizes[i]), FATHOM_ERROR_MEMORY);
+        assert_int_equal(fathom_init(&scan, &c, block, sizes[i], NULL, 0), FATHOM_ERROR_MEMORY);
         assert_null(scan);
         assert_memory_equal(block, pattern, size);
         assert_int_equal(kept.errors, 1);
@@ -147,7 +148,7 @@ static void a_block_one_byte_short_is_refused_untouched(void **state) {
 static void an_unaligned_block_will_do_and_its_neighbours_are_safe(void **state) {
     (void)state;
     fathom_config c = synthetic_config(&frames[0]);
-    size_t size = (size_t)fathom_memory_required(&c);
+    size_t size = (size_t)fathom_memory_required(&c, NULL, 0);
     unsigned char *memory = malloc(size + 1024), *aligned;
     assert_non_null(memory);
     aligned = memory + 128 - (uintptr_t)memory % 128;
@@ -157,9 +158,9 @@ static void an_unaligned_block_will_do_and_its_neighbours_are_safe(void **state)
         unsigned char *block = aligned + offsets[i];
         memset(memory, 0xa5, size + 1024);
         fathom *scan;
-        assert_int_equal(fathom_init(&scan, &c, block, size), FATHOM_OK);
+        assert_int_equal(fathom_init(&scan, &c, block, size, NULL, 0), FATHOM_OK);
         assert_true((uintptr_t)scan % FATHOM_ALIGNMENT == 0);
-        fathom_result r = {0};
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         for (int k = 0; k < FRAMES; k++) r = synthetic_step(scan, &frames[k]);
         assert_int_equal(r.state, FATHOM_TRACKED);
         if (i == 0) memcpy(reference, r.pose, sizeof reference);
@@ -177,27 +178,27 @@ static void an_unaligned_block_will_do_and_its_neighbours_are_safe(void **state)
 static void null_arguments_are_refused(void **state) {
     (void)state;
     fathom_config c = synthetic_config(&frames[0]);
-    fathom_memory_plan plan;
+    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
     char small[64];
     fathom *scan = (fathom *)small;
-    assert_int_equal(fathom_memory_required(NULL), FATHOM_ERROR_ARGUMENT);
-    assert_int_equal(fathom_memory_plan_for(NULL, &plan), FATHOM_ERROR_ARGUMENT);
-    assert_int_equal(fathom_memory_plan_for(&c, NULL), FATHOM_ERROR_ARGUMENT);
-    assert_int_equal(fathom_init(NULL, &c, small, sizeof small), FATHOM_ERROR_ARGUMENT);
-    assert_int_equal(fathom_init(&scan, NULL, small, sizeof small), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_memory_required(NULL, NULL, 0), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_plan_memory(NULL, &plan, NULL, 0), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_plan_memory(&c, NULL, NULL, 0), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_init(NULL, &c, small, sizeof small, NULL, 0), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_init(&scan, NULL, small, sizeof small, NULL, 0), FATHOM_ERROR_ARGUMENT);
     assert_null(scan);
     scan = (fathom *)small;
-    assert_int_equal(fathom_init(&scan, &c, NULL, 1 << 30), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_init(&scan, &c, NULL, 1 << 30, NULL, 0), FATHOM_ERROR_ARGUMENT);
     assert_null(scan);
     fathom_close(NULL);
 
     synthetic_context s = synthetic_start(&c);
-    fathom_depth_frame frame = {frames[0].timestamp_ns, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-    fathom_depth_frame hollow = {frames[0].timestamp_ns, NULL, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+    fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = frames[0].timestamp_ns, .depth = frames[0].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+    fathom_depth_frame hollow = {.struct_size = sizeof hollow, .timestamp_ns = frames[0].timestamp_ns, .depth = NULL, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
     fathom_imu_sample sample = {0};
-    fathom_result result;
-    fathom_motion motion;
-    fathom_counters counters;
+    fathom_result result = FATHOM_STRUCT(fathom_result);
+    fathom_motion motion = FATHOM_STRUCT(fathom_motion);
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     fathom_view view = {16, 16, 10, 10, 8, 8, {0}, 0, 0};
     uint8_t rgb[768];
     float pose[16];
@@ -218,8 +219,8 @@ static void null_arguments_are_refused(void **state) {
     assert_int_equal(fathom_pose(s.scan, pose, NULL), FATHOM_OK);
     assert_int_equal(fathom_get_counters(NULL, &counters), refused);
     assert_int_equal(fathom_get_counters(s.scan, NULL), refused);
-    assert_int_equal(fathom_model_maps(NULL, &view, pose, NULL), refused);
-    assert_int_equal(fathom_model_maps(s.scan, NULL, pose, NULL), refused);
+    assert_int_equal(fathom_cast_view(NULL, &view, pose, NULL), refused);
+    assert_int_equal(fathom_cast_view(s.scan, NULL, pose, NULL), refused);
     assert_int_equal(fathom_shaded_view(NULL, &view, rgb), refused);
     assert_int_equal(fathom_shaded_view(s.scan, NULL, rgb), refused);
     assert_int_equal(fathom_shaded_view(s.scan, &view, NULL), refused);
@@ -316,13 +317,13 @@ static void assert_refused(const fathom_config *c, const char *name) {
     fathom *scan = (fathom *)memory;
     kept.errors = 0;
     kept.used = 0;
-    int64_t required = fathom_memory_required(c);
+    int64_t required = fathom_memory_required(c, NULL, 0);
     if (required != FATHOM_ERROR_CONFIG || kept.errors != 1 || !strstr(kept.text, name))
         print_error("%s: %lld, log: %s\n", name, (long long)required, kept.text);
     assert_int_equal(required, FATHOM_ERROR_CONFIG);
     assert_int_equal(kept.errors, 1);
     assert_non_null(strstr(kept.text, name));
-    assert_int_equal(fathom_init(&scan, c, memory, sizeof memory), FATHOM_ERROR_CONFIG);
+    assert_int_equal(fathom_init(&scan, c, memory, sizeof memory, NULL, 0), FATHOM_ERROR_CONFIG);
     assert_null(scan);
 }
 
@@ -383,26 +384,26 @@ static void settings_that_disagree_are_refused(void **state) {
     c.align_width = 80; /* with its height left out */
     assert_refused(&c, "alignment size");
     c = logged();
-    c.depth_width = 4093; /* a prime */
-    c.depth_height = 3067;
+    c.depth_camera.width = 4093; /* a prime */
+    c.depth_camera.height = 3067;
     assert_refused(&c, "align_width");
     c = logged();
     c.align_width = 80;
     c.align_height = 60;
-    assert_true(fathom_memory_required(&c) > 0);
+    assert_true(fathom_memory_required(&c, NULL, 0) > 0);
 }
 
 static void without_a_log_the_library_is_silent(void **state) {
     (void)state;
     fathom_config c = synthetic_config(&frames[0]);
-    c.fx = -1;
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_CONFIG);
-    c.fx = 100;
+    c.depth_camera.fx = -1;
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_CONFIG);
+    c.depth_camera.fx = 100;
     c.device = "no such device";
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_DEVICE);
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_DEVICE);
     c = logged();
     c.device = "no such device";
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_DEVICE);
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_DEVICE);
     assert_int_equal(kept.errors, 1);
     assert_non_null(strstr(kept.text, "no such device"));
 }
@@ -412,18 +413,18 @@ static void a_block_serves_again_and_again(void **state) {
     (void)state;
     fathom_config c = logged();
     float poses[4][16];
-    size_t size = (size_t)fathom_memory_required(&c);
+    size_t size = (size_t)fathom_memory_required(&c, NULL, 0);
     void *block = malloc(size);
     assert_non_null(block);
     for (int round = 0; round < 4; round++) {
         fathom *scan;
         c.buffers = round == 3 ? FATHOM_BUFFERS_DEVICE : FATHOM_BUFFERS_HOST;
         if (round == 3) {
-            fathom_memory_plan plan;
-            assert_int_equal(fathom_memory_plan_for(&c, &plan), FATHOM_OK);
+            fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
+            assert_int_equal(fathom_plan_memory(&c, &plan, NULL, 0), FATHOM_OK);
             assert_true(plan.device_bytes > 4 << 20 && (size_t)plan.host_bytes < size / 4);
         }
-        assert_int_equal(fathom_init(&scan, &c, block, size), FATHOM_OK);
+        assert_int_equal(fathom_init(&scan, &c, block, size, NULL, 0), FATHOM_OK);
         for (int k = 0; k < FRAMES; k++)
             memcpy(poses[round], synthetic_step(scan, &frames[k]).pose, sizeof *poses);
         fathom_close(scan);

@@ -83,7 +83,7 @@ static void poses_follow_the_truth_from_the_first_pose_on(void **state) {
             assert_memory_equal(at, r.pose, sizeof at);
             assert_memory_equal(covariance, r.covariance, sizeof covariance);
         }
-        fathom_counters counters;
+        fathom_counters counters = FATHOM_STRUCT(fathom_counters);
         assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
         assert_true(counters.imu_accepted == (imu ? next : 0));
         assert_true(counters.imu_not_finite == 0 && counters.imu_out_of_order == 0 &&
@@ -101,16 +101,16 @@ static void any_size_will_do(void **state) {
     for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
         fathom_config c = logged();
         const int width = sizes[k][0], height = sizes[k][1];
-        c.depth_width = width;
-        c.depth_height = height;
+        c.depth_camera.width = width;
+        c.depth_camera.height = height;
         c.align_width = width / sizes[k][2];
         c.align_height = height / sizes[k][2];
         synthetic_context s = synthetic_start(&c);
         for (int i = 0; i < FRAMES; i += 2) {
             for (int y = 0; y < height; y++)
                 memcpy(cut + y * width, frames[i].depth + y * SYNTHETIC_WIDTH, (size_t)width * sizeof *cut);
-            fathom_depth_frame frame = {frames[i].timestamp_ns, cut, width, height};
-            fathom_result r;
+            fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = frames[i].timestamp_ns, .depth = cut, .width = width, .height = height};
+            fathom_result r = FATHOM_STRUCT(fathom_result);
             assert_int_equal(fathom_step(s.scan, &frame, &r), FATHOM_OK);
             synthetic_check_result(&r);
             assert_int_equal(r.state, i == 0 ? FATHOM_FIRST : FATHOM_TRACKED);
@@ -163,7 +163,7 @@ static void a_covered_lens_at_the_start_waits_for_a_surface(void **state) {
     assert_int_equal(r.state, FATHOM_FIRST);
     assert_same_pose(r.pose, frames[0].pose); /* the first surface is at the first pose */
     assert_int_equal(synthetic_step(s.scan, &frames[4]).state, FATHOM_TRACKED);
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
     assert_int_equal(counters.imu_not_finite, 3);
     synthetic_stop(&s);
@@ -173,26 +173,26 @@ static void frames_that_cannot_be_used_are_counted_and_change_nothing(void **sta
     (void)state;
     fathom_config c = logged();
     synthetic_context s = synthetic_start(&c);
-    fathom_result last = {0}, r;
+    fathom_result last = FATHOM_STRUCT(fathom_result), r = last;
     const int64_t stamps[] = {0, -1, -SYNTHETIC_PERIOD_NS, INT64_MIN, INT64_MAX};
     const int widths[] = {SYNTHETIC_WIDTH + 1, SYNTHETIC_HEIGHT, 0, -1, 640};
-    fathom_depth_frame early = {INT64_MAX, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+    fathom_depth_frame early = {.struct_size = sizeof early, .timestamp_ns = INT64_MAX, .depth = frames[0].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
     assert_int_equal(fathom_step(s.scan, &early, &r), FATHOM_ERROR_TIME); /* as the very first, too */
     assert_same_pose(r.pose, frames[0].pose);
     for (int i = 0; i < 4; i++) last = synthetic_step(s.scan, &frames[i]);
     for (int i = 0; i < 5; i++) {
-        fathom_depth_frame late = {stamps[i], frames[4].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+        fathom_depth_frame late = {.struct_size = sizeof late, .timestamp_ns = stamps[i], .depth = frames[4].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
         if (i < 3) late.timestamp_ns += frames[3].timestamp_ns;
         memset(&r, 0xff, sizeof r);
         assert_int_equal(fathom_step(s.scan, &late, &r), FATHOM_ERROR_TIME);
         assert_memory_equal(&r, &last, sizeof r);
-        fathom_depth_frame other = {frames[4].timestamp_ns, frames[4].depth, widths[i], SYNTHETIC_HEIGHT};
+        fathom_depth_frame other = {.struct_size = sizeof other, .timestamp_ns = frames[4].timestamp_ns, .depth = frames[4].depth, .width = widths[i], .height = SYNTHETIC_HEIGHT};
         if (i == 1) other.height = SYNTHETIC_WIDTH; /* turned: as many pixels */
         memset(&r, 0xff, sizeof r);
         assert_int_equal(fathom_step(s.scan, &other, &r), FATHOM_ERROR_SIZE);
         assert_memory_equal(&r, &last, sizeof r);
     }
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
     assert_int_equal(counters.frames_ignored, 11);
     assert_int_equal(kept.warnings, 11);
@@ -219,9 +219,9 @@ static void clocks_that_jump_leave_everything_finite(void **state) {
                 if (imu) push_until(s.scan, &next, frames[i].timestamp_ns);
                 synthetic_step(s.scan, &frames[i]);
             }
-            fathom_depth_frame jumped = {jumps[k], frames[3].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+            fathom_depth_frame jumped = {.struct_size = sizeof jumped, .timestamp_ns = jumps[k], .depth = frames[3].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
             for (int i = 0; i < 3; i++) {
-                fathom_result r;
+                fathom_result r = FATHOM_STRUCT(fathom_result);
                 assert_int_equal(fathom_step(s.scan, &jumped, &r), FATHOM_OK);
                 synthetic_check_result(&r);
                 jumped.timestamp_ns += SYNTHETIC_PERIOD_NS;
@@ -231,7 +231,7 @@ static void clocks_that_jump_leave_everything_finite(void **state) {
             assert_int_equal(fathom_push_imu(s.scan, &far), FATHOM_ERROR_ARGUMENT);
             far.timestamp_ns = INT64_MIN;
             assert_int_equal(fathom_push_imu(s.scan, &far), FATHOM_ERROR_ARGUMENT);
-            fathom_motion m;
+            fathom_motion m = FATHOM_STRUCT(fathom_motion);
             assert_int_equal(fathom_inertial_estimate(s.scan, INT64_MIN, INT64_MAX, &m),
                              FATHOM_ERROR_ARGUMENT);
             synthetic_stop(&s);
@@ -251,7 +251,7 @@ static void a_paused_scan_tracks_and_fuses_nothing(void **state) {
     (void)state;
     fathom_config c = logged();
     synthetic_context s = synthetic_start(&c);
-    fathom_result r;
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     assert_int_equal(fathom_pause(s.scan, true), FATHOM_OK); /* before there is a surface */
     r = synthetic_step(s.scan, &frames[0]);
     assert_true(r.state == FATHOM_RECKONED && !r.fused && r.blocks == 0);
@@ -306,7 +306,7 @@ static void reset_starts_anew(void **state) {
             push_until(s.scan, &next, frames[i].timestamp_ns);
             synthetic_step(s.scan, &frames[i]);
         }
-        fathom_depth_frame late = {0, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+        fathom_depth_frame late = {.struct_size = sizeof late, .timestamp_ns = 0, .depth = frames[0].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
         assert_int_equal(fathom_step(s.scan, &late, &r), FATHOM_ERROR_TIME);
         assert_int_equal(fathom_reset(s.scan), FATHOM_OK);
         float at[16];
@@ -314,7 +314,7 @@ static void reset_starts_anew(void **state) {
         assert_same_pose(at, frames[0].pose);
         synthetic_mesh mesh = mesh_of(s.scan);
         assert_int_equal(mesh.count, 0);
-        fathom_counters counters;
+        fathom_counters counters = FATHOM_STRUCT(fathom_counters);
         assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
         assert_int_equal(counters.frames_ignored, 1); /* counters stay */
         assert_true(counters.imu_accepted == next);
@@ -473,7 +473,7 @@ static void the_hook_alone_carries_a_blank_frame(void **state) {
     c.inertial_hook = true_motion;
     c.inertial_user = &record;
     synthetic_context s = synthetic_start(&c);
-    fathom_result before, after;
+    fathom_result before = FATHOM_STRUCT(fathom_result), after = before;
     synthetic_step(s.scan, &frames[0]);
     before = synthetic_step(s.scan, &frames[1]);
     after = synthetic_blank(s.scan, frames[9].timestamp_ns);
@@ -494,7 +494,7 @@ static void the_estimate_can_be_asked_for(void **state) {
         push_until(s.scan, &next, frames[i].timestamp_ns);
         synthetic_step(s.scan, &frames[i]);
     }
-    fathom_motion there, back;
+    fathom_motion there = FATHOM_STRUCT(fathom_motion), back = there;
     push_until(s.scan, &next, frames[9].timestamp_ns);
     assert_int_equal(fathom_inertial_estimate(s.scan, frames[7].timestamp_ns, frames[9].timestamp_ns, &there),
                      FATHOM_OK);
@@ -531,7 +531,7 @@ static void samples_are_pushed_from_a_second_thread_while_stepping(void **state)
     synthetic_context s = synthetic_start(&c);
     pthread_t thread;
     void *failed;
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     assert_int_equal(pthread_create(&thread, NULL, push_all, s.scan), 0);
     for (int i = 0; i < FRAMES; i++) {
         fathom_result r = synthetic_step(s.scan, &frames[i]);

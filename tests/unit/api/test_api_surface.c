@@ -202,10 +202,10 @@ static void views_agree_with_the_truth(void **state) {
             depth[pixels + (size_t)k] = normals[3 * pixels + (size_t)k] = 1234.5f;
             rgb[3 * pixels + (size_t)k] = 77;
         }
-        assert_int_equal(fathom_model_maps(whole.scan, &v, depth, normals), FATHOM_OK);
-        assert_int_equal(fathom_model_maps(whole.scan, &v, alone, NULL), FATHOM_OK);
+        assert_int_equal(fathom_cast_view(whole.scan, &v, depth, normals), FATHOM_OK);
+        assert_int_equal(fathom_cast_view(whole.scan, &v, alone, NULL), FATHOM_OK);
         assert_memory_equal(depth, alone, pixels * sizeof *depth);
-        assert_int_equal(fathom_model_maps(whole.scan, &v, NULL, NULL), FATHOM_OK);
+        assert_int_equal(fathom_cast_view(whole.scan, &v, NULL, NULL), FATHOM_OK);
         assert_int_equal(fathom_shaded_view(whole.scan, &v, rgb), FATHOM_OK);
         for (int k = 0; k < 64; k++) {
             assert_true(depth[pixels + (size_t)k] == 1234.5f && normals[3 * pixels + (size_t)k] == 1234.5f);
@@ -251,11 +251,11 @@ static void views_keep_to_their_range(void **state) {
     (void)state;
     static float depth[SYNTHETIC_PIXELS], whole_range[SYNTHETIC_PIXELS];
     fathom_view v = view_of(SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, 131.25);
-    assert_int_equal(fathom_model_maps(whole.scan, &v, whole_range, NULL), FATHOM_OK);
+    assert_int_equal(fathom_cast_view(whole.scan, &v, whole_range, NULL), FATHOM_OK);
     v.near_m = 0.4f;
     v.far_m = 0.8f;
     int seen = 0;
-    assert_int_equal(fathom_model_maps(whole.scan, &v, depth, NULL), FATHOM_OK);
+    assert_int_equal(fathom_cast_view(whole.scan, &v, depth, NULL), FATHOM_OK);
     for (int i = 0; i < SYNTHETIC_PIXELS; i++) {
         assert_true(depth[i] == 0 || (depth[i] > 0.35f && depth[i] < 0.9f));
         seen += depth[i] > 0;
@@ -263,11 +263,11 @@ static void views_keep_to_their_range(void **state) {
     assert_true(seen > 100);
     v.near_m = 50; /* beyond the default far end: nothing */
     v.far_m = 0;
-    assert_int_equal(fathom_model_maps(whole.scan, &v, depth, NULL), FATHOM_OK);
+    assert_int_equal(fathom_cast_view(whole.scan, &v, depth, NULL), FATHOM_OK);
     for (int i = 0; i < SYNTHETIC_PIXELS; i++) assert_true(depth[i] == 0);
     v = view_of(SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, 131.25); /* a view from far away has nothing either */
     v.pose[3] += 1000;
-    assert_int_equal(fathom_model_maps(whole.scan, &v, depth, NULL), FATHOM_OK);
+    assert_int_equal(fathom_cast_view(whole.scan, &v, depth, NULL), FATHOM_OK);
     for (int i = 0; i < SYNTHETIC_PIXELS; i++) assert_true(depth[i] == 0);
 }
 
@@ -297,7 +297,7 @@ static void bad_views_are_refused_and_write_nothing(void **state) {
     memset(rgb, 0x55, sizeof rgb);
     for (int i = 0; i < n; i++) {
         kept.errors = 0;
-        assert_int_equal(fathom_model_maps(whole.scan, &bad[i], depth, NULL), FATHOM_ERROR_ARGUMENT);
+        assert_int_equal(fathom_cast_view(whole.scan, &bad[i], depth, NULL), FATHOM_ERROR_ARGUMENT);
         assert_int_equal(fathom_shaded_view(whole.scan, &bad[i], rgb), FATHOM_ERROR_ARGUMENT);
         assert_int_equal(kept.errors, 2);
     }
@@ -331,7 +331,7 @@ static void looking_does_not_disturb(void **state) {
 static void a_full_pool_is_said_and_tracking_goes_on(void **state) {
     (void)state;
     fathom_config c = logged();
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     c.blocks = 64;
     c.voxel_m = 0.04f;
     synthetic_context s = synthetic_start(&c);

@@ -131,9 +131,8 @@ static const synthetic_frame *frame_of(int i) {
 static fathom_result walk(int i) {
     static const synthetic_frame blank;
     const synthetic_frame *f = frame_of(i), *before = frame_of(i > 0 ? i - 1 : 0);
-    fathom_depth_frame frame = {stamp += SYNTHETIC_PERIOD_NS, i % 50 == 49 ? blank.depth : f->depth,
-                                SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-    fathom_result r;
+    fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = stamp += SYNTHETIC_PERIOD_NS, .depth = i % 50 == 49 ? blank.depth : f->depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     pose from, to;
     double turn[3];
     assert_true(pose_from_matrix(before->pose, &from) && pose_from_matrix(f->pose, &to));
@@ -184,8 +183,8 @@ static void the_counter_counts(void **state) {
 static void two_hundred_steps_make_no_call_to_the_heap(void **state) {
     (void)state;
     int tracked = 0;
-    fathom_motion motion;
-    fathom_counters counters;
+    fathom_motion motion = FATHOM_STRUCT(fathom_motion);
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     static uint8_t rgb[3 * 100 * 80];
     fathom_view view = {100, 80, 80, 80, 50, 40, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, 0, 0};
     begin(SYNTHETIC_WIDTH);

@@ -46,7 +46,7 @@ static void configure(const double wrong_deg[3], double wrong_s, bool refine) {
     for (int k = 0; k < 3; k++) v[k] = wrong_deg[k] / DEGREES;
     rotation_of_vector(v, wrong);
     so3_multiply(wrong, r, r);
-    config = fathom_config_default();
+    fathom_config_init(&config);
     config.refine_rig = refine;
     for (int i = 0; i < 9; i++) config.imu_to_camera_rotation[i] = (float)r[i];
     for (int i = 0; i < 3; i++) config.imu_to_camera_translation[i] = (float)usual.translation[i];
@@ -114,7 +114,7 @@ static void track(double from, double to) {
 typedef struct {
     double mounting[3], angle, offset; /* radians about the camera's axes; seconds */
     double sigmas;                     /* the largest of them in its own sigma */
-    fathom_rig rig;
+    fathom_rig rig = FATHOM_STRUCT(fathom_rig);
 } rig_error;
 
 static rig_error error_now(void) {

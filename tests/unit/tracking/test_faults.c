@@ -373,7 +373,7 @@ static const fault faults[] = {
 
 /* What is seen of the surface from one place. */
 typedef struct {
-    fathom_view view;
+    fathom_view view = FATHOM_STRUCT(fathom_view);
     float depth[SYNTHETIC_PIXELS];
 } sight;
 
@@ -382,7 +382,7 @@ typedef struct {
     double worst_m, worst_deg; /* of the frames that were fused */
     double final_m, final_deg;
     fathom_state last;
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     double kept;  /* part of the sight before the fault that is still there */
     double close; /* part of the mesh within 4 cm of the truth */
 } outcome;
@@ -399,7 +399,7 @@ static const uint16_t *pixels_of(const arriving_frame *f) {
 }
 
 static void take_sight(fathom *scan, sight *s) {
-    assert_int_equal(fathom_model_maps(scan, &s->view, s->depth, NULL), FATHOM_OK);
+    assert_int_equal(fathom_cast_view(scan, &s->view, s->depth, NULL), FATHOM_OK);
 }
 
 static double part_kept(fathom *scan, const sight *before) {
@@ -450,8 +450,8 @@ static outcome run(const rig *r, double until) {
             memcpy(before.view.pose, truth->pose, sizeof before.view.pose);
             take_sight(c.scan, &before);
         }
-        fathom_depth_frame frame = {f->stamp_ns, pixels_of(f), SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-        fathom_result result;
+        fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = f->stamp_ns, .depth = pixels_of(f), .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+        fathom_result result = FATHOM_STRUCT(fathom_result);
         int e = fathom_step(c.scan, &frame, &result);
         if (f->stamp_ns <= last.timestamp_ns) { /* refused: nothing has changed */
             assert_int_equal(e, FATHOM_ERROR_TIME);
