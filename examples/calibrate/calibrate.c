@@ -144,7 +144,11 @@ static int take_frame(struct calibrate *c, struct playback *playback, const fath
     const int read = fathom_recording_read_depth(c->recording, index, c->pixels);
     if (read) return cli_error(CLI_FAILED, "%s", log_reason(&c->log, read));
     playback_push_imu(playback, rig, index);
-    const fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = rig->frames[index].timestamp_ns, .depth = c->pixels, .width = rig->width, .height = rig->height};
+    const fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                      .timestamp_ns = rig->frames[index].timestamp_ns,
+                                      .depth = c->pixels,
+                                      .width = rig->width,
+                                      .height = rig->height};
     fathom_result result = FATHOM_STRUCT(fathom_result);
     const int stepped = fathom_step(playback->scan, &frame, &result);
     if (stepped < 0) return cli_error(CLI_FAILED, "frame %d: %s", index, log_reason(&c->log, stepped));

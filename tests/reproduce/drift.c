@@ -101,7 +101,7 @@ static void ask(struct run *run, int64_t now_ns) {
         if (fathom_inertial_estimate(run->scan, now_ns, then_ns, &motion) != FATHOM_OK) return;
         matrix_of(&pose, there);
         between(here, there, truth);
-        for (int k = 0; k < 16; k++) estimate[k] = motion.motion[k];
+        fathom_pose_to_matrix(&motion.motion, estimate);
         between(truth, estimate, error);
         printf("%.3f %g %.4f %.2f %.6f %.5f\n", (double)now_ns / SECOND, horizons[i], length_of(truth),
                degrees_of(truth), length_of(error), degrees_of(error));
@@ -135,7 +135,11 @@ static int track(struct run *run, double from, double every) {
         if ((double)(end - now) < SECOND * horizons[HORIZONS - 1]) break;
         push_until(run, now);
         int error = fathom_recording_read_depth(r, i, depth);
-        const fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = now, .depth = depth, .width = r->width, .height = r->height};
+        const fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                          .timestamp_ns = now,
+                                          .depth = depth,
+                                          .width = r->width,
+                                          .height = r->height};
         if (error == FATHOM_OK) error = fathom_step(run->scan, &frame, &result);
         if (error != FATHOM_OK) failed = fail("step", error);
         if (failed || result.state != FATHOM_TRACKED || (double)(now - start) < SECOND * due) continue;

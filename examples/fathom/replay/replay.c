@@ -121,7 +121,11 @@ static int take_frame(struct replay *replay, int index) {
         if (read) return cli_error(CLI_FAILED, "%s", log_reason(&replay->log, read));
     }
     playback_push_imu(&replay->playback, recording, index);
-    const fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = recording->frames[index].timestamp_ns, .depth = replay->pixels, .width = recording->width, .height = recording->height};
+    const fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                      .timestamp_ns = recording->frames[index].timestamp_ns,
+                                      .depth = replay->pixels,
+                                      .width = recording->width,
+                                      .height = recording->height};
     const int stepped = fathom_step(replay->playback.scan, &frame, &result);
     if (stepped == FATHOM_ERROR_TIME || stepped == FATHOM_ERROR_SIZE) {
         cli_warning("frame %d ignored: %s", index, log_reason(&replay->log, stepped));

@@ -51,7 +51,7 @@ static void assert_near_truth(const fathom_result *r, const synthetic_frame *f, 
 }
 
 /* The same but for rounding. */
-static void assert_same_pose(const float a[16], const float b[16]) {
+static void assert_same_pose(fathom_pose a, fathom_pose b) {
     assert_true(synthetic_distance(a, b) < 1e-6 && synthetic_angle(a, b) < 1e-6);
 }
 
@@ -60,8 +60,9 @@ static void poses_follow_the_truth_from_the_first_pose_on(void **state) {
     for (int imu = 0; imu < 2; imu++) {
         fathom_config c = logged();
         synthetic_context s = synthetic_start(&c);
-        float at[16], covariance[36];
-        assert_int_equal(fathom_pose(s.scan, at, covariance), FATHOM_OK);
+        fathom_pose at;
+        double covariance[36];
+        assert_int_equal(fathom_get_pose(s.scan, &at, covariance), FATHOM_OK);
         assert_same_pose(at, frames[0].pose); /* before any frame */
         int next = 0;
         for (int i = 0; i < FRAMES; i++) {
@@ -76,12 +77,12 @@ static void poses_follow_the_truth_from_the_first_pose_on(void **state) {
                 assert_true(r.rms_m < 0.005 && r.condition >= 1 && r.condition < 50);
                 assert_true(fabs(r.condition / (r.singular_values[0] / r.singular_values[5]) - 1) < 1e-4);
                 for (int k = 1; k < 6; k++) assert_true(r.singular_values[k] <= r.singular_values[k - 1]);
-                for (int k = 0; k < 6; k++) assert_true(r.covariance[7 * k] > 0);
+                for (int k = 0; k < 6; k++) assert_true(r.pose_covariance[7 * k] > 0);
             }
             if (i > 2) assert_true(r.seeded && r.iterations <= 4 && r.innovation_sigmas < 3);
-            assert_int_equal(fathom_pose(s.scan, at, covariance), FATHOM_OK);
-            assert_memory_equal(at, r.pose, sizeof at);
-            assert_memory_equal(covariance, r.covariance, sizeof covariance);
+            assert_int_equal(fathom_get_pose(s.scan, &at, covariance), FATHOM_OK);
+            assert_memory_equal(&at, &r.pose, sizeof at);
+            assert_memory_equal(covariance, r.pose_covariance, sizeof covariance);
         }
         fathom_counters counters = FATHOM_STRUCT(fathom_counters);
         assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
@@ -109,7 +110,7 @@ static void any_size_will_do(void **state) {
         for (int i = 0; i < FRAMES; i += 2) {
             for (int y = 0; y < height; y++)
                 memcpy(cut + y * width, frames[i].depth + y * SYNTHETIC_WIDTH, (size_t)width * sizeof *cut);
-            fathom_depth_frame frame = {.struct_size = sizeof frame, .timestamp_ns = frames[i].timestamp_ns, .depth = cut, .width = width, .height = height};
+            fathom_depth_frame frame = synthetic_depth(frames[i].timestamp_ns, cut, width, height);
             fathom_result r = FATHOM_STRUCT(fathom_result);
             assert_int_equal(fathom_step(s.scan, &frame, &r), FATHOM_OK);
             synthetic_check_result(&r);
@@ -176,19 +177,21 @@ static void frames_that_cannot_be_used_are_counted_and_change_nothing(void **sta
     fathom_result last = FATHOM_STRUCT(fathom_result), r = last;
     const int64_t stamps[] = {0, -1, -SYNTHETIC_PERIOD_NS, INT64_MIN, INT64_MAX};
     const int widths[] = {SYNTHETIC_WIDTH + 1, SYNTHETIC_HEIGHT, 0, -1, 640};
-    fathom_depth_frame early = {.struct_size = sizeof early, .timestamp_ns = INT64_MAX, .depth = frames[0].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+    fathom_depth_frame early = synthetic_depth(INT64_MAX, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
     assert_int_equal(fathom_step(s.scan, &early, &r), FATHOM_ERROR_TIME); /* as the very first, too */
     assert_same_pose(r.pose, frames[0].pose);
     for (int i = 0; i < 4; i++) last = synthetic_step(s.scan, &frames[i]);
     for (int i = 0; i < 5; i++) {
-        fathom_depth_frame late = {.struct_size = sizeof late, .timestamp_ns = stamps[i], .depth = frames[4].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+        fathom_depth_frame late = synthetic_depth(stamps[i], frames[4].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
         if (i < 3) late.timestamp_ns += frames[3].timestamp_ns;
         memset(&r, 0xff, sizeof r);
+        r.struct_size = sizeof r;
         assert_int_equal(fathom_step(s.scan, &late, &r), FATHOM_ERROR_TIME);
         assert_memory_equal(&r, &last, sizeof r);
-        fathom_depth_frame other = {.struct_size = sizeof other, .timestamp_ns = frames[4].timestamp_ns, .depth = frames[4].depth, .width = widths[i], .height = SYNTHETIC_HEIGHT};
+        fathom_depth_frame other = synthetic_depth(frames[4].timestamp_ns, frames[4].depth, widths[i], SYNTHETIC_HEIGHT);
         if (i == 1) other.height = SYNTHETIC_WIDTH; /* turned: as many pixels */
         memset(&r, 0xff, sizeof r);
+        r.struct_size = sizeof r;
         assert_int_equal(fathom_step(s.scan, &other, &r), FATHOM_ERROR_SIZE);
         assert_memory_equal(&r, &last, sizeof r);
     }
@@ -201,8 +204,8 @@ static void frames_that_cannot_be_used_are_counted_and_change_nothing(void **sta
 
     synthetic_context twin = synthetic_start(&c); /* which saw none of them */
     for (int i = 0; i < 5; i++) last = synthetic_step(twin.scan, &frames[i]);
-    assert_memory_equal(r.pose, last.pose, sizeof r.pose);
-    assert_memory_equal(r.covariance, last.covariance, sizeof r.covariance);
+    assert_memory_equal(&r.pose, &last.pose, sizeof r.pose);
+    assert_memory_equal(r.pose_covariance, last.pose_covariance, sizeof r.pose_covariance);
     synthetic_stop(&twin);
     synthetic_stop(&s);
 }
@@ -219,7 +222,7 @@ static void clocks_that_jump_leave_everything_finite(void **state) {
                 if (imu) push_until(s.scan, &next, frames[i].timestamp_ns);
                 synthetic_step(s.scan, &frames[i]);
             }
-            fathom_depth_frame jumped = {.struct_size = sizeof jumped, .timestamp_ns = jumps[k], .depth = frames[3].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+            fathom_depth_frame jumped = synthetic_depth(jumps[k], frames[3].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
             for (int i = 0; i < 3; i++) {
                 fathom_result r = FATHOM_STRUCT(fathom_result);
                 assert_int_equal(fathom_step(s.scan, &jumped, &r), FATHOM_OK);
@@ -285,7 +288,7 @@ static void reset_starts_anew(void **state) {
     (void)state;
     fathom_config c = logged();
     synthetic_context s = synthetic_start(&c);
-    fathom_result first[8], r;
+    fathom_result first[8], r = FATHOM_STRUCT(fathom_result);
     for (int round = 0; round < 2; round++) {
         int next = 0;
         for (int i = 0; i < 8; i++) {
@@ -297,8 +300,8 @@ static void reset_starts_anew(void **state) {
             }
             assert_int_equal(r.state, first[i].state);
             assert_int_equal(r.blocks, first[i].blocks);
-            assert_memory_equal(r.pose, first[i].pose, sizeof r.pose);
-            assert_memory_equal(r.covariance, first[i].covariance, sizeof r.covariance);
+            assert_memory_equal(&r.pose, &first[i].pose, sizeof r.pose);
+            assert_memory_equal(r.pose_covariance, first[i].pose_covariance, sizeof r.pose_covariance);
         }
         if (round == 1) break;
         for (int i = 8; i < FRAMES;
@@ -306,11 +309,11 @@ static void reset_starts_anew(void **state) {
             push_until(s.scan, &next, frames[i].timestamp_ns);
             synthetic_step(s.scan, &frames[i]);
         }
-        fathom_depth_frame late = {.struct_size = sizeof late, .timestamp_ns = 0, .depth = frames[0].depth, .width = SYNTHETIC_WIDTH, .height = SYNTHETIC_HEIGHT};
+        fathom_depth_frame late = synthetic_depth(0, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
         assert_int_equal(fathom_step(s.scan, &late, &r), FATHOM_ERROR_TIME);
         assert_int_equal(fathom_reset(s.scan), FATHOM_OK);
-        float at[16];
-        assert_int_equal(fathom_pose(s.scan, at, NULL), FATHOM_OK);
+        fathom_pose at;
+        assert_int_equal(fathom_get_pose(s.scan, &at, NULL), FATHOM_OK);
         assert_same_pose(at, frames[0].pose);
         synthetic_mesh mesh = mesh_of(s.scan);
         assert_int_equal(mesh.count, 0);
@@ -334,7 +337,7 @@ static void fusing_behind_changes_nothing_but_when(void **state) {
         push_until(behind.scan, &next[1], frames[i].timestamp_ns);
         fathom_result a = synthetic_step(at_once.scan, &frames[i]),
                       b = synthetic_step(behind.scan, &frames[i]);
-        assert_memory_equal(a.pose, b.pose, sizeof a.pose);
+        assert_memory_equal(&a.pose, &b.pose, sizeof a.pose);
         assert_int_equal(a.blocks, b.blocks);
         assert_true(b.fused);
         if (i % 5) continue;
@@ -353,8 +356,8 @@ static void fusing_behind_changes_nothing_but_when(void **state) {
 
 /* ---- dead reckoning ----------------------------------------------------------------------------------------------- */
 
-static double trace(const float c[36], int from) {
-    return (double)c[7 * from] + c[7 * from + 7] + c[7 * from + 14];
+static double trace(const double c[36], int from) {
+    return c[7 * from] + c[7 * from + 7] + c[7 * from + 14];
 }
 
 static void an_outage_is_reckoned_and_found_back_from(void **state) {
@@ -372,16 +375,16 @@ static void an_outage_is_reckoned_and_found_back_from(void **state) {
         if (blank) {
             assert_true(!r.fused && r.blocks == blocks && r.pairs == 0);
             assert_int_not_equal(r.verdict, FATHOM_VERDICT_TRACKING);
-            assert_true(trace(r.covariance, 0) > turn && trace(r.covariance, 3) > place); /* grows */
-            double sigma = sqrt(trace(r.covariance, 3)), off = synthetic_distance(r.pose, frames[i].pose);
+            assert_true(trace(r.pose_covariance, 0) > turn && trace(r.pose_covariance, 3) > place); /* grows */
+            double sigma = sqrt(trace(r.pose_covariance, 3)), off = synthetic_distance(r.pose, frames[i].pose);
             assert_true(off < 3 * sigma + 0.006); /* and covers what it is off */
             assert_near_truth(&r, &frames[i], 0.1, 0.02);
         } else {
             assert_near_truth(&r, &frames[i], 0.008, 0.005);
         }
-        if (i == 11) assert_true(trace(r.covariance, 3) < 0.1 * place);
-        turn = trace(r.covariance, 0);
-        place = trace(r.covariance, 3);
+        if (i == 11) assert_true(trace(r.pose_covariance, 3) < 0.1 * place);
+        turn = trace(r.pose_covariance, 0);
+        place = trace(r.pose_covariance, 3);
         blocks = r.blocks;
     }
     synthetic_stop(&s);
@@ -397,7 +400,7 @@ static void a_long_outage_is_called_lost(void **state) {
     for (int i = 4; i < 60; i++) {
         fathom_result r = synthetic_blank(s.scan, frames[0].timestamp_ns + (int64_t)i * SYNTHETIC_PERIOD_NS);
         double sigma = 0;
-        for (int k = 3; k < 6; k++) sigma = fmax(sigma, sqrt(r.covariance[7 * k]));
+        for (int k = 3; k < 6; k++) sigma = fmax(sigma, sqrt(r.pose_covariance[7 * k]));
         assert_int_equal(r.state, sigma > 0.2 ? FATHOM_LOST : FATHOM_RECKONED);
         assert_true(!lost || r.state == FATHOM_LOST); /* once and for all, until tracked again */
         lost = r.state == FATHOM_LOST;
@@ -419,7 +422,7 @@ static const synthetic_frame *frame_at(int64_t stamp) {
     return NULL;
 }
 
-enum { HOOK_TRUTH, HOOK_NO_DATA, HOOK_NAN_MOTION, HOOK_NAN_COVARIANCE, HOOK_NEGATIVE, HOOK_MIRROR };
+enum { HOOK_TRUTH, HOOK_NO_DATA, HOOK_NAN_MOTION, HOOK_NAN_COVARIANCE, HOOK_NEGATIVE, HOOK_NOT_RIGID };
 
 static int true_motion(void *user, int64_t from, int64_t to, fathom_motion *motion) {
     hook_record *h = user;
@@ -427,23 +430,21 @@ static int true_motion(void *user, int64_t from, int64_t to, fathom_motion *moti
     h->from = from;
     h->to = to;
     pose a, b;
-    memset(motion, 0, sizeof *motion);
-    assert_true(pose_from_matrix(frame_at(from)->pose, &a) && pose_from_matrix(frame_at(to)->pose, &b));
+    assert_true(pose_take(&frame_at(from)->pose, &a) && pose_take(&frame_at(to)->pose, &b));
     a = pose_between(&a, &b);
-    pose_to_matrix(&a, motion->motion);
-    for (int i = 0; i < 6; i++) motion->covariance[7 * i] = 1e-4f;
-    if (h->mode == HOOK_NAN_MOTION) motion->motion[3] = NAN;
+    motion->motion = pose_give(&a);
+    for (int i = 0; i < 6; i++) motion->covariance[7 * i] = 1e-4;
+    if (h->mode == HOOK_NAN_MOTION) motion->motion.position[0] = NAN;
     if (h->mode == HOOK_NAN_COVARIANCE) motion->covariance[8] = NAN;
     if (h->mode == HOOK_NEGATIVE) motion->covariance[21] = -1;
-    if (h->mode == HOOK_MIRROR) motion->motion[0] = -motion->motion[0];
+    if (h->mode == HOOK_NOT_RIGID) motion->motion.orientation[3] *= 2;
     return h->mode == HOOK_NO_DATA ? FATHOM_ERROR_NO_DATA : FATHOM_OK;
 }
 
 static void the_hook_replaces_the_estimate_when_it_has_one(void **state) {
     (void)state;
-    float own[FRAMES]
-             [16]; /* poses by the library's own estimate: frames far apart, so that the seed matters */
-    for (int mode = -1; mode <= HOOK_MIRROR; mode++) {
+    fathom_pose own[FRAMES]; /* poses by the library's own estimate: frames far apart, so that the seed matters */
+    for (int mode = -1; mode <= HOOK_NOT_RIGID; mode++) {
         fathom_config c = logged();
         hook_record record = {.mode = mode};
         if (mode >= 0) c.inertial_hook = true_motion;
@@ -452,9 +453,9 @@ static void the_hook_replaces_the_estimate_when_it_has_one(void **state) {
         int steps = 0;
         for (int i = 0; i < FRAMES; i += 5, steps++) {
             fathom_result r = synthetic_step(s.scan, &frames[i]);
-            if (mode == -1) memcpy(own[i], r.pose, sizeof r.pose);
+            if (mode == -1) own[i] = r.pose;
             if (mode > HOOK_TRUTH)
-                assert_memory_equal(r.pose, own[i], sizeof r.pose); /* as if it weren't there */
+                assert_memory_equal(&r.pose, &own[i], sizeof r.pose); /* as if it weren't there */
             if (mode != HOOK_TRUTH) continue;
             assert_near_truth(&r, &frames[i], 0.006, 0.004);
             if (i == 0) continue;
@@ -481,7 +482,7 @@ static void the_hook_alone_carries_a_blank_frame(void **state) {
     assert_true(fabs(synthetic_distance(before.pose, after.pose) -
                      synthetic_distance(frames[1].pose, frames[9].pose)) < 1e-5);
     assert_near_truth(&after, &frames[9], 0.006, 0.004);
-    for (int k = 0; k < 6; k++) assert_true(after.covariance[7 * k] >= 1e-4f);
+    for (int k = 0; k < 6; k++) assert_true(after.pose_covariance[7 * k] >= 1e-4);
     synthetic_stop(&s);
 }
 
@@ -501,13 +502,12 @@ static void the_estimate_can_be_asked_for(void **state) {
     assert_int_equal(fathom_inertial_estimate(s.scan, frames[9].timestamp_ns, frames[7].timestamp_ns, &back),
                      FATHOM_OK);
     pose from, to, m, n;
-    float truth[16];
-    assert_true(pose_from_matrix(frames[7].pose, &from) && pose_from_matrix(frames[9].pose, &to));
+    assert_true(pose_take(&frames[7].pose, &from) && pose_take(&frames[9].pose, &to));
     m = pose_between(&from, &to);
-    pose_to_matrix(&m, truth);
+    const fathom_pose truth = pose_give(&m);
     assert_true(synthetic_angle(there.motion, truth) < 0.004 &&
                 synthetic_distance(there.motion, truth) < 0.02);
-    assert_true(pose_from_matrix(there.motion, &m) && pose_from_matrix(back.motion, &n));
+    assert_true(pose_take(&there.motion, &m) && pose_take(&back.motion, &n));
     m = pose_multiply(&m, &n);
     assert_true(pose_angle(&m) < 1e-5);
     for (int k = 0; k < 6; k++) assert_true(there.covariance[7 * k] > 0);

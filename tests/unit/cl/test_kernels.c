@@ -145,12 +145,16 @@ static int print_digest(const char *name) {
             frame[k] = (uint16_t)(1000 * (1.4 + 0.2 * u - 0.3 * v + (u > 0.35 ? -0.3 : 0) - bump) +
                                   (k * 7919u >> 4) % 3);
         }
-        fathom_depth_frame scan = {.struct_size = sizeof scan, .timestamp_ns = 33333333 * (int64_t)(i + 1), .depth = frame, .width = WIDTH, .height = HEIGHT};
+        fathom_depth_frame scan = {.struct_size = sizeof scan,
+                                   .timestamp_ns = 33333333 * (int64_t)(i + 1),
+                                   .depth = frame,
+                                   .width = WIDTH,
+                                   .height = HEIGHT};
         fathom_result r = FATHOM_STRUCT(fathom_result);
         if (fathom_step(f, &scan, &r) != FATHOM_OK) return 1;
         tracked += r.state == FATHOM_TRACKED || r.state == FATHOM_FIRST;
-        digest_bytes(&h, r.pose, sizeof r.pose);
-        digest_bytes(&h, r.covariance, sizeof r.covariance);
+        digest_bytes(&h, &r.pose, sizeof r.pose);
+        digest_bytes(&h, r.pose_covariance, sizeof r.pose_covariance);
         digest_bytes(&h, r.singular_values, sizeof r.singular_values);
         void *sums = device_map(&f->device, &f->aligner.sums, CL_MAP_READ);
         if (i > 0 && sums) digest_bytes(&h, sums, (size_t)HEIGHT * SUMS * 4);

@@ -186,7 +186,7 @@ static void pixels_stamps_and_view(void **state) {
     assert_true(fabs(opened.intrinsics[3] - 23.5) < 1e-9);
     fathom_source_configure(source, &config);
     assert_int_equal(config.depth_camera.width, WIDTH);
-    assert_true(fabsf(config.cx - 31.5f) < 1e-6f);
+    assert_true(fabs(config.depth_camera.cx - 31.5) < 1e-6);
 
     assert_int_equal(fathom_source_start(source), FATHOM_OK);
     for (int i = 0; i < 150; i++) {

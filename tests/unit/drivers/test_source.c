@@ -517,7 +517,7 @@ static void one_kind_only(void **state) {
     assert_int_equal(fathom_source_wait(source, 1000), FATHOM_ERROR_ENDED);
     assert_int_equal(status_of(source).width, 0);
     fathom_source_configure(source, &config);
-    assert_int_equal(config.depth_camera.width, fathom_config_default().depth_camera.width);
+    assert_int_equal(config.depth_camera.width, 640);
     assert_int_equal(config.imu_clock_offset_ns, 1000000);
     fathom_source_close(source);
 

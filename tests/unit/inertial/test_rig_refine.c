@@ -114,7 +114,7 @@ static void track(double from, double to) {
 typedef struct {
     double mounting[3], angle, offset; /* radians about the camera's axes; seconds */
     double sigmas;                     /* the largest of them in its own sigma */
-    fathom_rig rig = FATHOM_STRUCT(fathom_rig);
+    fathom_rig rig;
 } rig_error;
 
 static rig_error error_now(void) {
