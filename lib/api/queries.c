@@ -50,10 +50,8 @@ int fathom_get_counters(fathom *f, fathom_counters *counters) {
     const size_t size = call_struct(f, counters, "fathom_counters");
     if (size == 0) return FATHOM_ERROR_ARGUMENT;
     inertial_drain(&f->inertial);
-    fathom_counters whole = f->inertial.counters;
-    whole.imu_not_finite = atomic_load(&f->inertial.not_finite);
-    whole.imu_implausible += atomic_load(&f->inertial.absurd);
-    whole.imu_overrun = atomic_load(&f->inertial.overrun);
+    fathom_counters whole = FATHOM_STRUCT(fathom_counters);
+    inertial_count(&f->inertial, &whole);
     whole.frames_ignored = f->frames_ignored;
     whole.blocks_dropped = f->volume.dropped;
     whole.blocks_restored = f->volume.restored;

@@ -1,7 +1,8 @@
 #include "fathom/files/picture.h"
 #include "fathom/shell/cli.h"
-#include "recording/image_file.h"
 #include "fathom/files/overview.h"
+#include "fathom/files/png_file.h"
+#include "fathom/files/shade.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -94,7 +95,7 @@ static int draw(fathom *context, const struct path *path, struct canvas *canvas)
     int result = overview_choose(context, path, &canvas->view);
     if (result >= 0) result = fathom_cast_view(context, &canvas->view, canvas->depth, canvas->normals);
     if (result < 0) return result;
-    view_shade(canvas->depth, canvas->normals, (size_t)WIDTH * HEIGHT, canvas->rgb);
+    shade(canvas->depth, canvas->normals, (size_t)WIDTH * HEIGHT, canvas->rgb);
     /* A light rim sets the way off against dark surfaces and light ones. */
     ink_path(canvas, path, 3.2f);
     blend(canvas, white, 0.8f);
@@ -105,7 +106,6 @@ static int draw(fathom *context, const struct path *path, struct canvas *canvas)
 
 bool picture_write(fathom *context, const struct path *path, const char *file) {
     const size_t pixels = (size_t)WIDTH * HEIGHT;
-    char error[512];
     struct canvas canvas = {.rgb = malloc(3 * pixels),
                             .depth = malloc(pixels * sizeof(float)),
                             .normals = malloc(3 * pixels * sizeof(float)),
@@ -117,14 +117,11 @@ bool picture_write(fathom *context, const struct path *path, const char *file) {
         cli_error(CLI_FAILED, "%s: no surface to draw", file);
     else if (result < 0)
         cli_error(CLI_FAILED, "%s: %s", file, fathom_error_name(result));
-    else if (image_write_rgb8(file, canvas.rgb, WIDTH, HEIGHT, error, sizeof error)) {
-        cli_error(CLI_FAILED, "%s", error);
-        result = FATHOM_ERROR_STOPPED;
-    }
+    const bool written = result >= 0 && png_write_rgb(file, canvas.rgb, WIDTH, HEIGHT);
     free(canvas.rgb);
     free(canvas.depth);
     free(canvas.normals);
     free(canvas.ink);
     free(canvas.state);
-    return result >= 0;
+    return written;
 }

@@ -24,22 +24,3 @@ bool view_project(const fathom_view *view, const float world[3], float out[3]) {
     out[2] = (float)p[2];
     return true;
 }
-
-/* In the light of the sky above the camera's left shoulder and a little from the camera itself. */
-static void shade(const float normal[3], uint8_t rgb[3]) {
-    const float colour[3] = {232, 226, 214};
-    const float sky = 0.5f + 0.5f * (-0.45f * normal[0] - 0.70f * normal[1] - 0.55f * normal[2]);
-    const float front = -normal[2], light = 0.10f + 0.62f * sky + 0.22f * (front > 0 ? front : 0);
-    for (int i = 0; i < 3; i++) {
-        const float c = colour[i] * light + (i == 2 ? 14 : 6) * (1 - sky);
-        rgb[i] = (uint8_t)(c < 0 ? 0 : c > 255 ? 255 : c);
-    }
-}
-
-void view_shade(const float *depth, const float *normals, size_t pixels, uint8_t *rgb) {
-    for (size_t i = 0; i < pixels; i++)
-        if (depth[i] > 0)
-            shade(normals + 3 * i, rgb + 3 * i);
-        else
-            rgb[3 * i] = rgb[3 * i + 1] = rgb[3 * i + 2] = 255;
-}

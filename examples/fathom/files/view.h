@@ -1,4 +1,4 @@
-/* Views of the surface: where a point falls, and a shaded picture. */
+/* Views of the surface, and where a point falls in one. */
 #ifndef FATHOM_CLI_VIEW_H
 #define FATHOM_CLI_VIEW_H
 
@@ -9,8 +9,5 @@ fathom_view view_of(int width, int height, double focal_widths);
 
 /* Pixel and depth of a point of the world; false when it is behind the view. */
 bool view_project(const fathom_view *view, const float world[3], float out[3]);
-
-/* A matt surface's colour (3 bytes: R, G, B) per pixel from what fathom_cast_view gave; white where nothing is. */
-void view_shade(const float *depth, const float *normals, size_t pixels, uint8_t *rgb);
 
 #endif
