@@ -15,6 +15,7 @@
 
 #include "fathom_drivers.h"
 #include "imu/mtdata2.h"
+#include "source_contract.h"
 
 /* ---- the bus ---- */
 
@@ -341,6 +342,13 @@ static void a_device_that_goes_ends_the_source(void **state) {
     nothing_is_left_open();
 }
 
+static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
+    (void)state;
+    plugged = 1;
+    check_source_contract("usb:", NULL);
+    nothing_is_left_open();
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(a_device_without_bulk_endpoints_is_closed_before_the_next_is_opened, fresh_bus),
@@ -350,6 +358,7 @@ int main(void) {
         cmocka_unit_test_setup(a_serial_number_picks_the_device, fresh_bus),
         cmocka_unit_test_setup(samples_arrive_and_stopping_takes_the_transfers_back, fresh_bus),
         cmocka_unit_test_setup(a_device_that_goes_ends_the_source, fresh_bus),
+        cmocka_unit_test_setup(a_second_start_is_refused_and_the_source_goes_on, fresh_bus),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
