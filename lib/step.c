@@ -69,8 +69,8 @@ static double position_sigma(const double covariance[36]) {
 /* The model maps of an earlier frame will do for a seed so close to where they were seen from. */
 static bool maps_hold(const fathom *f, const pose *seed, int coarsest) {
     pose way = pose_between(&f->reference, seed);
-    return f->cast_coarsest <= coarsest && pose_distance(&way) < f->config.keep_model_m &&
-           pose_angle(&way) < f->config.keep_model_rad;
+    return f->cast_coarsest <= coarsest && pose_distance(&way) < f->config.max_model_reuse_m &&
+           pose_angle(&way) < f->config.max_model_reuse_rad;
 }
 
 /* The surface as it looks from the seed, near the scan; a good seed needs no more than what is very near. */
@@ -86,7 +86,7 @@ static void cast_maps(fathom *f, const pose *seed, int coarsest, double sigma_m,
 static void align_scan(fathom *f, const pose *seed, const double predicted[36], alignment *icp,
                        fathom_result *r) {
     const fathom_config *c = &f->config;
-    const int *budget = r->seeded ? c->seeded_iterations : c->iterations;
+    const int *budget = r->seeded ? c->max_seeded_iterations : c->max_iterations;
     double start = now_ms();
     int coarsest = 0;
     while (coarsest < FINEST && budget[coarsest] == 0) coarsest++;
@@ -166,8 +166,8 @@ static void report_alignment(const alignment *icp, fathom_result *r) {
 static double valid_part(const fathom_config *c, const fathom_depth_frame *scan) {
     int valid = 0, rows = 0;
     float units = c->depth_units_per_metre;
-    int low = (int)fminf(fmaxf(ceilf(c->depth_min_m * units), 1), 65535),
-        high = (int)fminf(c->depth_max_m * units, 65534);
+    int low = (int)fminf(fmaxf(ceilf(c->min_depth_m * units), 1), 65535),
+        high = (int)fminf(c->max_depth_m * units, 65534);
     for (int y = 0; y < scan->height; y += 4, rows++)
         for (int x = 0; x < scan->width; x++) {
             int d = scan->depth[y * scan->width + x];
@@ -225,17 +225,17 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
     double gate[36]; /* inertia may be better than its floors, or just seem so */
     memcpy(gate, predicted, sizeof gate);
     for (int i = 0; i < 6; i++)
-        gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
+        gate[7 * i] += i < 3 ? c->seed_noise_rad * c->seed_noise_rad : c->seed_noise_m * c->seed_noise_m;
     r->innovation_sigmas = (float)covariance_mahalanobis(gate, twist);
     r->agreement = r->see_through = NAN;
     r->verdict = judge(c, icp, r->innovation_sigmas);
-    bool evident = seeded && icp->pairs >= c->evident_pairs * valid * icp->pixels &&
-                   r->innovation_sigmas <= c->evident_sigmas;
+    bool evident = seeded && icp->pairs >= c->min_evident_fraction * valid * icp->pixels &&
+                   r->innovation_sigmas <= c->max_evident_sigmas;
     if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident) {
         comparison k;
         double start = now_ms();
         model_view_compare(&f->view, &f->device, &f->maps, &f->volume, &icp->motion,
-                           c->agreement_m + c->voxel_m, &k);
+                           c->agreement_tolerance_m + c->voxel_m, &k);
         r->agreement = k.visible > 0 ? k.agree / k.visible : 0;
         r->see_through = k.visible > 0 ? k.through / k.visible : 0;
         r->verdict = judge_view(c, &k);
@@ -338,7 +338,7 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
     if (rests(f)) {
         leave(f, scan, &seed, &icp, r);
     } else {
-        bool seeded = position_sigma(predicted) < c->seeded_sigma_m;
+        bool seeded = position_sigma(predicted) < c->max_seed_sigma_m;
         attempt(f, scan, &seed, predicted, seeded, &icp, r);
         if (seeded && failed(r)) attempt(f, scan, &seed, predicted, false, &icp, r);
         second_attempt(f, scan, &seed, &icp, r);
@@ -357,12 +357,12 @@ static void next_step(fathom *f, const fathom_depth_frame *scan, fathom_result *
         f->pose = icp.motion;
         memcpy(f->covariance, icp.covariance, sizeof f->covariance);
         inertial_correct(&f->inertial, &f->pose, icp.information, icp.pull, r->timestamp_ns);
-        r->state = position_sigma(icp.covariance) > c->lost_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
+        r->state = position_sigma(icp.covariance) > c->max_reckoned_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
     } else {
         f->pose = seed;
         memcpy(f->covariance, predicted, sizeof f->covariance);
         inertial_advance(&f->inertial, r->timestamp_ns);
-        r->state = position_sigma(predicted) > c->lost_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
+        r->state = position_sigma(predicted) > c->max_reckoned_sigma_m ? FATHOM_LOST : FATHOM_RECKONED;
     }
     f->missed = r->state == FATHOM_LOST && failed(r) ? f->missed + 1 : 0;
     /* a pose that geometry alone has settled is evidence, whatever inertia thinks of it */

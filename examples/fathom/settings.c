@@ -84,7 +84,7 @@ static bool set_iterations(const char *option, const char *text, fathom_config *
             cli_error(CLI_USAGE, "%s: '%s' are not whole numbers", option, text);
             return false;
         }
-        config->iterations[i] = config->seeded_iterations[i] = count;
+        config->max_iterations[i] = config->max_seeded_iterations[i] = count;
         sum += count;
     }
     if (!sum) cli_error(CLI_USAGE, "%s: '%s' leaves no iteration at all", option, text);
@@ -97,8 +97,8 @@ static bool set_preset(const char *option, const char *text, struct settings *se
     for (int i = 0; i < 3; i++) {
         if (strcmp(text, names[i]) != 0) continue;
         const fathom_config c = fathom_config_preset((fathom_preset)i);
-        settings->config.align_most = c.align_most;
-        if (settings->memory == 0) settings->config.memory_cap_bytes = c.memory_cap_bytes;
+        settings->config.max_align_width = c.max_align_width;
+        if (settings->memory == 0) settings->config.max_memory_bytes = c.max_memory_bytes;
         if (settings->voxel == 0) settings->config.voxel_m = c.voxel_m;
         settings->preset = true;
         return true;
@@ -186,7 +186,7 @@ int settings_take(struct settings *settings, struct options *options) {
         break;
     case MEMORY:
         good = cli_parse_double(name, value, 1, 1 << 20, &number);
-        config->memory_cap_bytes = (int64_t)(number * (1 << 20));
+        config->max_memory_bytes = (int64_t)(number * (1 << 20));
         settings->memory = number;
         break;
     case PRESET: good = set_preset(name, value, settings); break;

@@ -42,7 +42,8 @@ struct fathom {
 /* One turn of Figure 2 (lib/step.c); the frame has been checked. */
 void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r);
 
-/* Its core: aligns the frame in the maps from a seed of that covariance, and judges. seeded: with seeded_iterations. */
+/* Its core: aligns the frame in the maps from a seed of that covariance, and judges. seeded: with
+ * max_seeded_iterations. */
 void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
              bool seeded, alignment *icp, fathom_result *r);
 

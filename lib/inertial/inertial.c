@@ -41,7 +41,7 @@
 #define EXACT 1e12        /* information, 1/rad^2 and 1/m^2, of an exact pose */
 
 static unsigned ring_capacity(const fathom_config *c) {
-    unsigned n = 64, wanted = c->imu_capacity > 0 ? (unsigned)c->imu_capacity : 4096;
+    unsigned n = 64, wanted = c->max_imu_samples > 0 ? (unsigned)c->max_imu_samples : 4096;
     while (n < wanted) n *= 2;
     return n;
 }
@@ -71,7 +71,7 @@ void inertial_init(inertial *n, arena *a, const fathom_config *config) {
 void inertial_reset(inertial *n) {
     n->first = n->count = 0;
     n->period_ns = 0;
-    n->gyro_bias_sigma = n->config->gyro_bias_sigma;
+    n->gyro_bias_sigma = n->config->gyro_bias_sigma_rad_s;
     memset(n->gyro_bias, 0, sizeof n->gyro_bias);
     memset(n->turning, 0, sizeof n->turning);
     n->running = false;
@@ -160,7 +160,7 @@ static void watch_stillness(inertial *n, const inertial_sample *s) {
     w->window_samples = 0;
     double seconds = period * w->samples;
     if (seconds < STILL_SECONDS) return;
-    double sigma = n->config->gyro_noise / sqrt(seconds) + 1e-4;
+    double sigma = n->config->gyro_noise_rad_s_sqrthz / sqrt(seconds) + 1e-4;
     if (sigma > n->gyro_bias_sigma) return; /* what is known is better */
     for (int i = 0; i < 3; i++) n->gyro_bias[i] = w->gyro[i] / w->samples;
     n->gyro_bias_sigma = sigma;
@@ -298,7 +298,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
     navigator_noise noise = {
-        c->gyro_noise, c->motion_accel_sigma * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
+        c->gyro_noise_rad_s_sqrthz, c->motion_sigma_m_s2 * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
         MAP_WALK};
     bool inside = imu && i >= 0 && i + 1 < (int)n->count;
     bool gap = inside && (double)(sample_at(n, (unsigned)(i + 1))->timestamp_ns -
@@ -323,15 +323,15 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
         for (int k = 0; k < 3; k++) gyro[k] = n->turning[k] + s->gyro_bias[k];
     }
     double coast = dt;
-    if (!covered) { /* the angle grows as motion_turn_sigma T^2 with the time T since the rate was known, however it is cut */
+    if (!covered) { /* the angle grows as motion_sigma_rad_s2 T^2, T since the rate was known, however it is cut */
         int64_t known = by_poses ? n->corrected_ns : sampled == INT64_MIN ? early : sampled;
         double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), MOST_BLIND);
-        noise.turn = c->motion_turn_sigma * sqrt(pow(age + dt, 4) - pow(age, 4));
+        noise.turn = c->motion_sigma_rad_s2 * sqrt(pow(age + dt, 4) - pow(age, 4));
         if (n->running) coast = fmin(dt, fmax(COAST_SECONDS - age, 0));
     }
     bool force = covered && n->force_usable && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
     if (covered) noise.gyro *= fmax(n->mismatch, MISMATCH_GYRO);
-    if (force) noise.accel = c->accel_noise * n->mismatch;
+    if (force) noise.accel = c->accel_noise_m_s2_sqrthz * n->mismatch;
     navigator ahead = *s;
     if (coast < dt) navigator_step(&ahead, forward ? coast : -coast, gyro, NULL, &noise);
     navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
@@ -367,7 +367,7 @@ static void rest(inertial *n, navigator *s, int64_t timestamp_ns) {
     pose origin = pose_identity();
     const double none[3] = {0, 0, 0};
     s->timestamp_ns = timestamp_ns;
-    navigator_start(s, &origin, none, 0.5, n->gyro_bias_sigma, n->config->accel_bias_sigma, 1);
+    navigator_start(s, &origin, none, 0.5, n->gyro_bias_sigma, n->config->accel_bias_sigma_m_s2, 1);
     memcpy(s->gyro_bias, n->gyro_bias, sizeof s->gyro_bias);
 }
 
@@ -397,7 +397,7 @@ int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_moti
         out->motion = pose_inverse(&out->motion);
     }
     for (int i = 0; i < 6; i++) {
-        double floor = fmax(n->mismatch, MISMATCH_SEED) * (i < 3 ? c->seed_floor_rad : c->seed_floor_m);
+        double floor = fmax(n->mismatch, MISMATCH_SEED) * (i < 3 ? c->seed_noise_rad : c->seed_noise_m);
         out->covariance[7 * i] += floor * floor;
         out->pose_covariance[7 * i] += floor * floor;
     }
@@ -456,13 +456,13 @@ static void start(inertial *n, const pose *accepted, int64_t timestamp_ns) {
     length = sqrt(length);
     if (used > 0 && length > 1e-6)
         for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 3; k++) gravity[j] -= accepted->r[3 * j + k] * force[k] / length * c->gravity;
+            for (int k = 0; k < 3; k++) gravity[j] -= accepted->r[3 * j + k] * force[k] / length * c->gravity_m_s2;
     bool still = still_seconds(n) > 0.1;
     pose lever = pose_identity();
     memcpy(lever.t, n->lever, sizeof lever.t);
     pose imu = pose_multiply(accepted, &lever);
     n->state.timestamp_ns = timestamp_ns;
-    navigator_start(&n->state, &imu, gravity, still ? 0.03 : 0.5, n->gyro_bias_sigma, c->accel_bias_sigma,
+    navigator_start(&n->state, &imu, gravity, still ? 0.03 : 0.5, n->gyro_bias_sigma, c->accel_bias_sigma_m_s2,
                     used == 0 ? 10
                     : still   ? 0.03
                               : 1);

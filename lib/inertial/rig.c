@@ -10,8 +10,8 @@ void inertial_rig_reset(inertial *n) {
     n->refined_ns = 0;
     n->refined_at_ns = INT64_MIN;
     n->awaiting = false;
-    rig_refiner_start(&n->refiner, c->rig_rotation_sigma, 1e-9 * (double)c->rig_clock_sigma_ns,
-                      c->gyro_bias_sigma);
+    rig_refiner_start(&n->refiner, c->rig_rotation_sigma_rad, 1e-9 * (double)c->rig_clock_sigma_ns,
+                      c->gyro_bias_sigma_rad_s);
 }
 
 static void turn(const double r[9], double v[3]) {
