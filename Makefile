@@ -134,6 +134,7 @@ help:
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
 	@echo "make fuzz       the parsers of device data under libFuzzer, ten minutes each (FUZZ_SECONDS=)"
+	@echo "make mutants    careless changes in a copy: does a unit test see each? goes on where it stopped (MUTANTS='--count 240 --seed 1')"
 	@echo "make check-vm   the drivers against the kernel's HID and USB in a virtual machine"
 	@echo "make soak       a minute each of scanning and recording at full rate, by hand only (SOAK_SECONDS=)"
 	@echo "make bench      speed beside other systems and the machine's limit (BENCH=--results: into docs/SPEED.md)"
@@ -209,6 +210,11 @@ FUZZ_SECONDS ?= 600
 fuzz: deps
 	sh tests/fuzz/run.sh $(BUILD) $(FUZZ_SECONDS)
 
+# Careless changes, one at a time, in copies below $(BUILD)/mutants: the share that the unit tests see, and the survivors.
+.PHONY: mutants
+mutants: deps
+	PYTHONDONTWRITEBYTECODE=1 python3 tests/mutants/mutants.py $(BUILD) $(MUTANTS)
+
 # The drivers against the kernel's own HID and USB stacks, in a virtual machine.
 .PHONY: check-vm
 VM_PACKAGES = qemu-system-x86 busybox-static cpio kmod xz-utils
@@ -269,7 +275,7 @@ $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
-HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/fathom/,playback.c settings.c options.c cli.c log.c))
+HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/fathom/,replay/playback.c shell/settings.c shell/options.c shell/cli.c shell/log.c))
 $(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)
