@@ -22,7 +22,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->samples.period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
     navigator_noise noise = {
-        c->gyro_noise, c->motion_sigma_m_s2 * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
+        c->gyro_noise_rad_s_sqrthz, c->motion_sigma_m_s2 * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
         MAP_WALK};
     bool inside = imu && i >= 0 && i + 1 < (int)n->samples.count;
     bool gap = inside && (double)(sample_at(&n->samples, (unsigned)(i + 1))->timestamp_ns -
@@ -55,7 +55,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     }
     bool force = covered && n->force_usable && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
     if (covered) noise.gyro *= fmax(n->mismatch, MISMATCH_GYRO);
-    if (force) noise.accel = c->accel_noise * n->mismatch;
+    if (force) noise.accel = c->accel_noise_m_s2_sqrthz * n->mismatch;
     navigator ahead = *s;
     if (coast < dt) navigator_step(&ahead, forward ? coast : -coast, gyro, NULL, &noise);
     navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
@@ -90,7 +90,7 @@ void navigator_rest(inertial *n, navigator *s, int64_t timestamp_ns) {
     pose origin = pose_identity();
     const double none[3] = {0, 0, 0};
     s->timestamp_ns = timestamp_ns;
-    navigator_start(s, &origin, none, 0.5, n->samples.still.gyro_bias_sigma, n->config->accel_bias_sigma, 1);
+    navigator_start(s, &origin, none, 0.5, n->samples.still.gyro_bias_sigma, n->config->accel_bias_sigma_m_s2, 1);
     memcpy(s->gyro_bias, n->samples.still.gyro_bias, sizeof s->gyro_bias);
 }
 

@@ -19,7 +19,7 @@
 void inertial_check_reset(inertial *n) {
     n->usable = n->config->imu;
     n->force_usable = n->config->imu_translation;
-    plausibility_start(&n->check, n->samples.rotation, n->config->gravity);
+    plausibility_start(&n->check, n->samples.rotation, n->config->gravity_m_s2);
     n->told[0] = n->told[1] = FATHOM_IMU_UNCHECKED;
     n->base_ns = n->accepted_ns = INT64_MIN;
     n->moving = false;

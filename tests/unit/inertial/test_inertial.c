@@ -388,14 +388,14 @@ static void a_still_start_finds_the_bias(void **state) {
         push_biased(2, 1.5, rate, accel);
         for (int j = 0; j < 3; j++) assert_true(fabs(n.samples.still.gyro_bias[j] - bias[j]) < 4 * n.samples.still.gyro_bias_sigma);
         for (int j = 0; j < 3; j++) assert_true(fabs(n.samples.still.gyro_bias[j] - bias[j]) < 1e-3);
-        assert_true(n.samples.still.gyro_bias_sigma < 0.25 * config.gyro_bias_sigma && n.samples.still.gyro_bias_sigma > 0);
+        assert_true(n.samples.still.gyro_bias_sigma < 0.25 * config.gyro_bias_sigma_rad_s && n.samples.still.gyro_bias_sigma > 0);
         after = estimate(0.05, 0.15);
         assert_true(sigma(&after, 0) < sigma(&before, 0));
         double none[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}; /* at rest it reads no turn any more */
         inertial_motion rest = estimate(0.2, 1.2);
         assert_true(off(&rest, none) < 2e-3);
         inertial_reset(&n); /* forgets it */
-        assert_true(n.samples.still.gyro_bias[0] == 0 && n.samples.still.gyro_bias_sigma == (double)config.gyro_bias_sigma);
+        assert_true(n.samples.still.gyro_bias[0] == 0 && n.samples.still.gyro_bias_sigma == (double)config.gyro_bias_sigma_rad_s);
     }
 }
 
@@ -404,7 +404,7 @@ static void a_moving_start_finds_none(void **state) {
     const double rate[3] = {0.5, 0.8, -0.3};
     push_biased(2, -0.1, rate, true);
     for (int j = 0; j < 3; j++) assert_true(n.samples.still.gyro_bias[j] == 0);
-    assert_true(n.samples.still.gyro_bias_sigma >= (double)config.gyro_bias_sigma);
+    assert_true(n.samples.still.gyro_bias_sigma >= (double)config.gyro_bias_sigma_rad_s);
 
     begin(); /* 0.3 s of stillness are too short */
     push_biased(1, 0.3, rate, true);
