@@ -60,7 +60,7 @@ say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 .PHONY: all deps demo check bench bench-scale instructions reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
-all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom
+all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom $(BUILD)/minimal
 
 .PHONY: deps-check
 deps-check:
@@ -123,6 +123,11 @@ $(BUILD)/fathom: $(CLI_OBJ) $(DRIVERS_OBJ) $(LIB_OBJ)
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
+
+# The README's program, as a user would link it.
+$(BUILD)/minimal: $(BUILD)/examples/minimal.c.o $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(LIB_LIBS)
 
 # ---- house ----------------------------------------------------------------------------------------------------------
 
