@@ -2,23 +2,21 @@
 #ifndef FATHOM_CONTEXT_H
 #define FATHOM_CONTEXT_H
 
-#include "align/align.h"
 #include "inertial/inertial.h"
-#include "tracking/verdict.h"
-#include "tracking/relocalise.h"
+#include "map/fusing.h"
 #include "map/surface.h"
-#include "tracking/predicted_view.h"
 #include "map/volume.h"
 #include "map/whole_mesh.h"
+#include "tracking/track.h"
 
 struct fathom {
     fathom_config config;
     device device;
     depth_maps maps;
     volume volume;
-    aligner aligner;
-    model_view view;
     inertial inertial;
+    tracker tracker;
+    fusing fusing;
     surface_output surface;
     volume patch; /* of the whole mesh */
     int64_t arena_bytes;
@@ -27,12 +25,6 @@ struct fathom {
     double covariance[36]; /* of that pose: pose * exp(error) */
     int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
     bool started;          /* the first surface has been fused */
-    pose reference;        /* where the model maps were seen from */
-    pose fused;            /* of the last frame that went into the surface */
-    int cast_coarsest; /* coarsest level of the model maps; FATHOM_LEVELS: there are none to be used again */
-    int cast_pairs;    /* that alignment found when they were new */
-    unsigned drawn;    /* hypotheses of the search so far */
-    int missed;        /* frames in a row, lost, that alignment and search have failed for */
     bool paused;
     bool said_full; /* the log knows that the pool is full */
     int64_t frames_ignored;
@@ -41,12 +33,5 @@ struct fathom {
 
 /* One turn of Figure 2 (lib/step.c); the frame has been checked. */
 void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r);
-
-/* Its core: aligns the frame in the maps from a seed of that covariance, and judges. seeded: with seeded_iterations. */
-void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
-             bool seeded, alignment *icp, fathom_result *r);
-
-/* Puts the frame in the maps into the surface, as seen from there. */
-void fuse(fathom *f, const pose *at, fathom_result *r);
 
 #endif
