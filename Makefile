@@ -275,7 +275,7 @@ $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
-HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/fathom/,playback.c settings.c options.c cli.c log.c))
+HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/fathom/,replay/playback.c shell/settings.c shell/options.c shell/cli.c shell/log.c))
 $(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)

@@ -8,7 +8,8 @@
 #include <string.h>
 
 #include "api/context.h"
-#include "base/timing.h"
+#include "base/covariance.h"
+#include "base/stamps.h"
 #include "tracking/report.h"
 #include "tracking/seed.h"
 
@@ -74,20 +75,20 @@ static void report(fathom *f, fathom_result *r) {
 }
 
 void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
-    double start = timing_ms();
+    double start = now_ms();
     memset(r, 0, sizeof *r);
     r->timestamp_ns = scan->timestamp_ns;
     inertial_drain(&f->inertial);
     inertial_follow_clock(&f->inertial, scan->timestamp_ns);
     depth_maps_make(&f->maps, &f->device, scan->depth, 0);
     device_wait(&f->device);
-    r->ms_maps = (float)(timing_ms() - start);
+    r->ms_maps = (float)(now_ms() - start);
     if (f->started)
         turn(f, scan, r);
     else
         first_turn(f, scan, r);
     f->timestamp_ns = scan->timestamp_ns;
     report(f, r);
-    r->ms_total = (float)(timing_ms() - start);
+    r->ms_total = (float)(now_ms() - start);
     f->result = *r;
 }

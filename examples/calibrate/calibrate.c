@@ -1,9 +1,9 @@
 /* fathom calibrate: how the IMU sits on the camera and how its clock runs, from a recording that tracks. */
 #include "calibrate/calibration.h"
 #include "simulate/camera_path.h"
-#include "fathom/cli.h"
-#include "fathom/playback.h"
-#include "fathom/rig_file.h"
+#include "fathom/shell/cli.h"
+#include "fathom/replay/playback.h"
+#include "calibrate/rig_file.h"
 
 #include <inttypes.h>
 #include <math.h>

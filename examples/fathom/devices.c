@@ -1,8 +1,8 @@
 /* fathom devices: what each driver sees, what it lacks, and the fix. */
-#include "fathom/cli.h"
+#include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
-#include "fathom/log.h"
-#include "fathom/options.h"
+#include "fathom/shell/log.h"
+#include "fathom/shell/options.h"
 
 #include <stdio.h>
 #include <string.h>

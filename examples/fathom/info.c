@@ -1,9 +1,9 @@
 /* fathom info: versions, OpenCL devices, drivers built in, bytes for the given settings. */
 #define CL_TARGET_OPENCL_VERSION 120
-#include "fathom/cli.h"
+#include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
-#include "fathom/log.h"
-#include "fathom/settings.h"
+#include "fathom/shell/log.h"
+#include "fathom/shell/settings.h"
 
 #include <CL/cl.h>
 #include <inttypes.h>

@@ -1,7 +1,7 @@
 /* fathom kernels: built kernels in a file, for boards where no compiler shall run. */
-#include "fathom/cli.h"
-#include "fathom/log.h"
-#include "fathom/settings.h"
+#include "fathom/shell/cli.h"
+#include "fathom/shell/log.h"
+#include "fathom/shell/settings.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 /* fathom: the command line. Each command is a file of its own; here is only the table of them. */
-#include "fathom/cli.h"
+#include "fathom/shell/cli.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 /* fathom selftest: every kernel against the C reference on the present device. */
-#include "fathom/cli.h"
-#include "fathom/log.h"
-#include "fathom/options.h"
+#include "fathom/shell/cli.h"
+#include "fathom/shell/log.h"
+#include "fathom/shell/options.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 /* fathom simulate: renders a scene along a path into a recording folder. */
-#include "fathom/cli.h"
+#include "fathom/shell/cli.h"
 
 #include <getopt.h>
 #include <math.h>

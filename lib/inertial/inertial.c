@@ -3,8 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "api/settings.h"
-#include "cl/device.h"
+#include "base/covariance.h"
+#include "base/log.h"
+#include "base/stamps.h"
 
 #define STILL_WINDOW 0.05       /* s */
 #define STILL_SECONDS 0.4       /* as long as this without motion is a still start */
@@ -100,9 +101,9 @@ int inertial_push(inertial *n, const fathom_imu_sample *s) {
     bool accel = isfinite(s->accel[0]) && isfinite(s->accel[1]) && isfinite(s->accel[2]);
     bool no_accel = isnan(s->accel[0]) && isnan(s->accel[1]) && isnan(s->accel[2]);
     int64_t t = s->timestamp_ns; /* checked twice, so that the sum doesn't overflow */
-    bool stamp = t >= -STAMP_MOST && t <= STAMP_MOST;
+    bool stamp = t >= -STAMP_MAX && t <= STAMP_MAX;
     if (stamp) t += n->config->imu_clock_offset_ns;
-    stamp = stamp && t >= -STAMP_MOST && t <= STAMP_MOST;
+    stamp = stamp && t >= -STAMP_MAX && t <= STAMP_MAX;
     if (!gyro || !(accel || no_accel) || !stamp) {
         atomic_fetch_add_explicit(&n->not_finite, 1, memory_order_relaxed);
         return FATHOM_ERROR_ARGUMENT;
@@ -215,7 +216,7 @@ static void take(inertial *n, const fathom_imu_sample *raw) {
     inertial_sample s = {.timestamp_ns =
                              raw->timestamp_ns + n->config->imu_clock_offset_ns + n->refined_ns +
                                         n->clock_shift_ns};
-    if (s.timestamp_ns < -STAMP_MOST || s.timestamp_ns > STAMP_MOST) {
+    if (s.timestamp_ns < -STAMP_MAX || s.timestamp_ns > STAMP_MAX) {
         n->counters.imu_implausible++;
         return;
     }
@@ -253,15 +254,15 @@ void inertial_follow_clock(inertial *n, int64_t frame_ns) {
     n->watched = n->counters.imu_accepted;
     int64_t newest = sample_at(n, n->count - 1)->timestamp_ns, from = newest;
     int64_t add = clock_watch_frame(&n->clocks, frame_ns, newest, n->period_ns, &from);
-    if (add == 0 || fabs((double)n->clock_shift_ns + (double)add) > STAMP_MOST) return;
+    if (add == 0 || fabs((double)n->clock_shift_ns + (double)add) > STAMP_MAX) return;
     n->clock_shift_ns += add;
     n->counters.imu_clock_leaps++;
     for (unsigned i = n->count; i > 0 && sample_at(n, i - 1)->timestamp_ns >= from; i--)
         sample_at(n, i - 1)->timestamp_ns += add;
     n->doubt.timestamp_ns += add;
-    device_log(n->config, FATHOM_LOG_WARNING,
-               "the clocks of IMU and depth camera leapt apart by %.3f s; the IMU's stamps are moved back",
-               -1e-9 * (double)add);
+    log_write(n->config, FATHOM_LOG_WARNING,
+              "the clocks of IMU and depth camera leapt apart by %.3f s; the IMU's stamps are moved back",
+              -1e-9 * (double)add);
 }
 
 /* Index of the last sample at or before t, or -1. */
@@ -501,10 +502,10 @@ static void doubt(inertial *n, const pose *accepted, int64_t timestamp_ns) {
                      : n->against > 1 && n->gyro_error > fmax(much, 4 * n->turn_error);
     if (n->doubted == was) return;
     n->counters.imu_doubts += n->doubted;
-    device_log(n->config, FATHOM_LOG_INFO,
-               n->doubted
-                   ? "the gyroscope contradicts the poses: the scan goes on without the IMU until they agree"
-                   : "gyroscope and poses agree again");
+    log_write(n->config, FATHOM_LOG_INFO,
+              n->doubted
+                  ? "the gyroscope contradicts the poses: the scan goes on without the IMU until they agree"
+                  : "gyroscope and poses agree again");
 }
 
 /* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie from

@@ -1,6 +1,6 @@
 #include "map/fusing.h"
 
-#include "base/timing.h"
+#include "base/stamps.h"
 #include "map/eviction.h"
 
 #define CALM_M 0.03 /* the camera's way from one fused frame to the next */
@@ -18,7 +18,7 @@ bool fusing_is_calm(const fusing *f, const pose *at) {
 void fuse(fusing *f, const pose *at, fathom_result *r) {
     const fathom_config *c = f->config;
     volume *v = f->volume;
-    double start = timing_ms();
+    double start = now_ms();
     bool calm = fusing_is_calm(f, at);
     int64_t dropped = v->dropped, restored = v->restored;
     f->last = *at;
@@ -38,5 +38,5 @@ void fuse(fusing *f, const pose *at, fathom_result *r) {
     r->pool_full = v->full;
     r->blocks_dropped = (int)(v->dropped - dropped);
     r->blocks_restored = (int)(v->restored - restored);
-    r->ms_fuse = (float)(timing_ms() - start);
+    r->ms_fuse = (float)(now_ms() - start);
 }

@@ -4,7 +4,8 @@
 #ifndef FATHOM_TESTS_KERNEL_CHECKS_H
 #define FATHOM_TESTS_KERNEL_CHECKS_H
 
-#include "cl/device.h"
+#include "cl/buffer.h"
+#include "cl/launch.h"
 
 typedef enum { CHECK_PASSED, CHECK_FAILED, CHECK_SKIPPED } check_result;
 

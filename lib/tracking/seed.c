@@ -3,6 +3,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/covariance.h"
+#include "base/stamps.h"
+
 #define UNKNOWN_VARIANCE 1e6 /* m^2 and rad^2, at most: what nothing is known of */
 
 /* The covariance of pose * motion: the old error seen from the new camera, and the motion's own. */
@@ -30,7 +33,7 @@ inertial_motion inertial_seed(inertial *n, const double covariance[36], int64_t 
     inertial_motion d;
     if (!ask_hook(n->config, from_ns, to_ns, &d)) {
         if (inertial_estimate(n, from_ns, to_ns, &d) == FATHOM_OK) return d;
-        double dt = 1e-9 * ((double)to_ns - (double)from_ns);
+        double dt = seconds_between(from_ns, to_ns);
         d.motion = pose_identity();
         memset(d.covariance, 0, sizeof d.covariance);
         for (int i = 0; i < 3; i++) {

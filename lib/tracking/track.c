@@ -3,7 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/timing.h"
+#include "base/covariance.h"
+#include "base/stamps.h"
 #include "tracking/relocalise.h"
 
 #define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
@@ -62,13 +63,13 @@ static void align_scan(tracker *t, const pose *start, const align_prior *prior, 
     const fathom_config *c = t->config;
     const int *budget = seeded ? c->seeded_iterations : c->iterations;
     model_maps *m = &t->models;
-    double began = timing_ms();
+    double began = now_ms();
     int coarsest = 0;
     while (coarsest < FINEST && budget[coarsest] == 0) coarsest++;
     if (c->against == FATHOM_AGAINST_MODEL && !(seeded && model_maps_hold(m, start, coarsest)))
         model_maps_cast(m, t->device, t->volume, t->maps, start, coarsest,
                         align_reach(&t->aligner, coarsest, covariance_position_sigma(prior->covariance)), !seeded);
-    double cast = timing_ms();
+    double cast = now_ms();
     align_prior known = *prior;
     pose from = pose_between(&m->seen_from, start);
     known.mean = pose_between(&m->seen_from, &prior->mean);
@@ -78,7 +79,7 @@ static void align_scan(tracker *t, const pose *start, const align_prior *prior, 
     pose_normalise(&icp->motion);
     t->cost.iterations += icp->iterations;
     t->cost.ms_raycast += cast - began;
-    t->cost.ms_align += timing_ms() - cast;
+    t->cost.ms_align += now_ms() - cast;
 }
 
 void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool seeded, attempt *a) {
@@ -96,9 +97,9 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
         led.mean = a->icp.motion;
         align_scan(t, &led.mean, &led, false, &a->icp);
     }
-    double began = timing_ms();
+    double began = now_ms();
     judge(c, &t->view, t->device, t->maps, t->volume, prior, t->valid, a);
-    t->cost.ms_raycast += timing_ms() - began;
+    t->cost.ms_raycast += now_ms() - began;
 }
 
 /* While the IMU isn't known to be right, the frame is aligned from where the last velocity leads too, with that as its prior, and
@@ -119,11 +120,11 @@ static void search(tracker *t, const align_prior *seed, attempt *icp) {
     if (!worth_another_try(icp->verdict) || t->config->against != FATHOM_AGAINST_MODEL ||
         covariance_position_sigma(seed->covariance) < SEARCH_SIGMA_M)
         return;
-    double began = timing_ms();
+    double began = now_ms();
     int found = search_about(&t->aligner, t->device, t->maps, &t->view, t->volume, &seed->mean, seed->covariance,
                              &t->drawn, best);
     icp->searched = true;
-    t->cost.ms_align += timing_ms() - began;
+    t->cost.ms_align += now_ms() - began;
     for (int i = 0; i < found; i++) {
         attempt other = *icp;
         align_prior draw = *seed;

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/covariance.h"
+
 #define LEAST_VALID 0.01     /* of the frame */
 #define UNDOUBTED_SIGMAS 0.5 /* innovation */
 #define CLEARLY 0.95         /* of the misfit */

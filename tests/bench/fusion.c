@@ -8,8 +8,8 @@
 #include <string.h>
 #include <time.h>
 
-#include "fathom/cli.h"
-#include "fathom/playback.h"
+#include "fathom/shell/cli.h"
+#include "fathom/replay/playback.h"
 #include "api/context.h"
 
 enum { MAPS, ALLOCATE, FUSE, STAGES };

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fathom/cli.h"
-#include "fathom/playback.h"
+#include "fathom/shell/cli.h"
+#include "fathom/replay/playback.h"
 #include "bench/heap_count.h"
 
 #define FIRST 10 /* frames that don't count */

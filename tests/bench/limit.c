@@ -9,8 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fathom/cli.h"
-#include "fathom/playback.h"
+#include "fathom/shell/cli.h"
+#include "fathom/replay/playback.h"
 #include "machine_limit.h"
 #include "stage_work.h"
 

@@ -112,7 +112,7 @@ bool work_of_cast(work_state *w, fathom *f, const char *cast, const char *kernel
             cast_voxels(w, f, &f->tracker.models.level[FINEST], &f->maps.camera[FINEST], &f->tracker.models.seen_from, &met);
     } else if (!strcmp(cast, "raycast") && !strcmp(kernel, "request_blocks")) {
         /* the frame has passed, and is fused: its pose is the one that it was judged by */
-        work->read += cast_voxels(w, f, &f->view.map, &f->view.same, &f->pose, &met);
+        work->read += cast_voxels(w, f, &f->tracker.view.map, &f->tracker.view.same, &f->pose, &met);
         work->operations += RAY_OPERATIONS * met;
     } else {
         return false;

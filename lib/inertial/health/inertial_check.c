@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "cl/device.h"
+#include "base/log.h"
 #include "inertial/inertial.h"
 
 #define INTERVAL_NS 150000000 /* evidence is gathered over at least this: alignment's noise counts less */
@@ -168,10 +168,10 @@ static void tell(inertial *n, bool gyro) {
     *told = f->health;
     if (f->health < FATHOM_IMU_SATURATED || (!gyro && !n->usable)) return;
     plausibility_describe(&n->check, gyro, text, sizeof text);
-    device_log(n->config, FATHOM_LOG_WARNING, "%s. The scan goes on %s", text,
-               !plausibility_bad(f) ? "with it"
-               : gyro               ? "without the IMU"
-                                    : "with the IMU's rotation only");
+    log_write(n->config, FATHOM_LOG_WARNING, "%s. The scan goes on %s", text,
+              !plausibility_bad(f) ? "with it"
+              : gyro               ? "without the IMU"
+                                   : "with the IMU's rotation only");
 }
 
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns) {

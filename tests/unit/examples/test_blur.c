@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fathom/cli.h"
+#include "fathom/shell/cli.h"
 #include "simulate/exposure.h"
 #include "simulate/sensor_noise.h"
 

@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "simulate/counter_random.h"
-#include "api/settings.h"
+#include "base/stamps.h"
 #include "inertial/inertial.h"
 
 #define SECOND 1000000000ll
@@ -325,7 +325,7 @@ static void without_translation_the_accelerometer_does_not_count(void **state) {
 /* Stamps from a broken caller: no number overflows, and what comes out is finite. */
 static void absurd_stamps_stay_finite(void **state) {
     (void)state;
-    const int64_t stamps[] = {-STAMP_MOST, -1000 * SECOND, 0, SECOND, 100 * SECOND, STAMP_MOST};
+    const int64_t stamps[] = {-STAMP_MAX, -1000 * SECOND, 0, SECOND, 100 * SECOND, STAMP_MAX};
     for (int imu = 0; imu < 2; imu++)
         for (int running = 0; running < 2; running++) {
             config.imu = imu;
