@@ -37,15 +37,13 @@ ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
 # Sources of a folder and of those in it.
 sources_in  = $(sort $(foreach f,$(1),$(wildcard $(f)/*.c $(f)/*.cpp $(f)/*/*.c $(f)/*/*.cpp $(f)/*/*/*.c)))
-CHECK_SRC   = $(wildcard lib/selftest/*.c)
-LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(filter-out $(CHECK_SRC),$(call sources_in,lib))) $(BUILD)/kernels.o
+LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,lib)) $(BUILD)/kernels.o
 DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/camera/openni2_%.c) $(if $(filter 1,$(WITH_HIDAPI)),,drivers/imu/hid_source.c) \
               $(if $(filter 1,$(WITH_LIBUSB)),,drivers/imu/usb_source.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/imu/iio_source.c) \
               $(if $(filter 1,$(WITH_UDP)),,drivers/imu/udp_source.c)
 DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$(WITH_$(w)))
 DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(call sources_in,drivers)))
-CHECK_OBJ   = $(patsubst %,$(BUILD)/%.o,$(CHECK_SRC))
-CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,examples/fathom examples/simulate examples/calibrate)) $(CHECK_OBJ)
+CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,examples/fathom examples/simulate examples/calibrate))
 LIB_SO      = $(BUILD)/libfathom.so.$(VERSION)
 DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm

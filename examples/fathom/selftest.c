@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "selftest/kernel_checks.h"
+#include "fathom.h"
 
 static const char help[] =
     "usage: fathom selftest [--device NAME]\n"
@@ -20,20 +20,13 @@ static const char help[] =
     "chooses)\n"
     "    --verbose         say more on stderr\n";
 
-static int run_checks(device *d) {
-    int passed = 0, failed = 0;
-    printf("device: %s\n", d->name);
-    for (int i = 0; i < kernel_check_count && !cli_interrupted(); i++) {
-        char why[256] = "";
-        const check_result result = kernel_checks[i].run(d, why, sizeof why);
-        static const char *const words[] = {"ok", "FAILED", "skipped"};
-        printf("%-30s %s%s%s\n", kernel_checks[i].name, words[result], *why ? ": " : "", why);
-        fflush(stdout);
-        passed += result == CHECK_PASSED;
-        failed += result == CHECK_FAILED;
-    }
-    printf("%d passed, %d failed\n", passed, failed);
-    return cli_interrupted() ? CLI_INTERRUPTED : failed ? CLI_FAILED : CLI_DONE;
+static int print_check(void *user, const char *kernel, fathom_check outcome, const char *why) {
+    static const char *const words[] = {"ok", "FAILED", "skipped"};
+    int *passed = user;
+    *passed += outcome == FATHOM_CHECK_PASSED;
+    printf("%-30s %s%s%s\n", kernel, words[outcome], *why ? ": " : "", why);
+    fflush(stdout);
+    return cli_interrupted();
 }
 
 int command_selftest(int argc, char **argv) {
@@ -56,11 +49,18 @@ int command_selftest(int argc, char **argv) {
         }
     }
     cli_catch_interrupt();
-    device d;
-    fathom_config config;
-    const int e = kernel_checks_open(&d, &config, name, FATHOM_BUFFERS_AUTO, false, log_message, &log);
-    if (e != FATHOM_OK) return cli_error(CLI_FAILED, "%s", log_reason(&log, e));
-    const int status = run_checks(&d);
-    device_close(&d);
-    return status;
+    fathom_config config = fathom_config_default();
+    fathom_memory_plan plan;
+    config.device = name;
+    config.log = log_message;
+    config.log_user = &log;
+    int passed = 0, failed = fathom_memory_plan_for(&config, &plan);
+    if (failed == FATHOM_OK) {
+        printf("device: %s\n", plan.device);
+        failed = fathom_selftest(&config, print_check, &passed);
+    }
+    if (failed == FATHOM_ERROR_STOPPED) return CLI_INTERRUPTED;
+    if (failed < 0) return cli_error(CLI_FAILED, "%s", log_reason(&log, failed));
+    printf("%d passed, %d failed\n", passed, failed);
+    return failed > 0 ? CLI_FAILED : CLI_DONE;
 }

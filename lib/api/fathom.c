@@ -277,10 +277,8 @@ int fathom_get_rig(fathom *f, fathom_rig *rig) {
 int fathom_get_counters(fathom *f, fathom_counters *counters) {
     if (!f || !counters) return FATHOM_ERROR_ARGUMENT;
     inertial_drain(&f->inertial);
-    *counters = f->inertial.counters;
-    counters->imu_not_finite = atomic_load(&f->inertial.not_finite);
-    counters->imu_implausible += atomic_load(&f->inertial.absurd);
-    counters->imu_overrun = atomic_load(&f->inertial.overrun);
+    memset(counters, 0, sizeof *counters);
+    inertial_count(&f->inertial, counters);
     counters->frames_ignored = f->frames_ignored;
     counters->blocks_dropped = f->volume.dropped;
     counters->blocks_restored = f->volume.restored;

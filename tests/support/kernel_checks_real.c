@@ -1,4 +1,6 @@
-/* Every kernel on a frame of a real recording, one after the other as a scan does. */
+/* The kernels one after the other, as a scan does. */
+#include "kernel_checks_real.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -98,13 +100,13 @@ static void check_frames(bench *b, const fathom_recording *recording, uint16_t *
     free(model);
 }
 
-check_result check_real_frame(device *d, char *why, size_t size) {
+fathom_check check_real_frame(device *d, bool small, char *why, size_t size) {
     bench b;
     fathom_recording *recording;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     if (b.small || fathom_recording_open(&recording, RECORDING, NULL) != FATHOM_OK) {
         snprintf(why, size, b.small ? "small sizes only" : "no recording in " RECORDING);
-        return CHECK_SKIPPED;
+        return FATHOM_CHECK_SKIPPED;
     }
     uint16_t *raw = bench_alloc((size_t)recording->width * (size_t)recording->height * sizeof *raw);
     check_frames(&b, recording, raw);
