@@ -31,11 +31,7 @@ bool model_maps_hold(const model_maps *m, const pose *from, int coarsest) {
            pose_angle(&way) < m->config->keep_model_rad;
 }
 
-void model_maps_cast(model_maps *m, device *d, volume *v, depth_maps *maps, const pose *from, int coarsest, float reach_m,
-                     bool marched) {
-    volume_raycast_near(v, d, maps, from, reach_m, marched, &m->level[FINEST]);
-    volume_halve_maps(v, d, maps->camera, m->level, coarsest);
-    device_wait(d);
+void model_maps_renew(model_maps *m, const pose *from, int coarsest) {
     m->seen_from = *from;
     m->coarsest = coarsest;
     m->fresh = true;

@@ -1,10 +1,9 @@
-/* The model that a scan is aligned with, as maps seen from one pose: ray-cast from the surface, kept for the next frames
- * while they hold, or taken from the last accepted frame. */
+/* The model that a scan is aligned with, as maps seen from one pose: ray-cast from the surface and kept for the next
+ * frames while they hold, or taken from the last accepted frame. */
 #ifndef FATHOM_MODEL_MAPS_H
 #define FATHOM_MODEL_MAPS_H
 
 #include "frame/depth_maps.h"
-#include "map/volume.h"
 
 typedef struct {
     device_buffer level[FATHOM_LEVELS]; /* normal and depth, in the axes of the camera that sees them */
@@ -24,10 +23,8 @@ void model_maps_forget(model_maps *m);
 /* Those at hand will do for a scan from there, down to that level: they were seen from close by. */
 bool model_maps_hold(const model_maps *m, const pose *from, int coarsest);
 
-/* Ray-casts the surface as it looks from there, as far as it lies within reach_m of the scan. marched: also where it is
- * further from the scan than the truncation; a good seed doesn't need that. Waits for the device. */
-void model_maps_cast(model_maps *m, device *d, volume *v, depth_maps *maps, const pose *from, int coarsest, float reach_m,
-                     bool marched);
+/* They have been cast anew from the surface, down to that level. */
+void model_maps_renew(model_maps *m, const pose *from, int coarsest);
 
 /* Takes the frame's own maps, as seen from there. */
 void model_maps_take_frame(model_maps *m, device *d, depth_maps *maps, const pose *at);

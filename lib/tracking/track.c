@@ -58,6 +58,17 @@ static void leave(const tracker *t, const pose *at, attempt *a) {
     a->verdict = has_depth(t->valid) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
 }
 
+/* The surface as it looks from there, near the scan. thorough: also where it is further from the scan than the truncation; a
+ * good seed doesn't need that. */
+static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m, bool thorough) {
+    model_maps *m = &t->models;
+    volume_raycast_near(t->volume, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m), thorough,
+                        &m->level[FINEST]);
+    volume_halve_maps(t->volume, t->device, t->maps->camera, m->level, coarsest);
+    device_wait(t->device);
+    model_maps_renew(m, from, coarsest);
+}
+
 /* The scan with the surface, or with the last accepted frame. Start, prior and result: camera to world. */
 static void align_scan(tracker *t, const pose *start, const align_prior *prior, bool seeded, alignment *icp) {
     const fathom_config *c = t->config;
@@ -67,8 +78,7 @@ static void align_scan(tracker *t, const pose *start, const align_prior *prior, 
     int coarsest = 0;
     while (coarsest < FINEST && budget[coarsest] == 0) coarsest++;
     if (c->against == FATHOM_AGAINST_MODEL && !(seeded && model_maps_hold(m, start, coarsest)))
-        model_maps_cast(m, t->device, t->volume, t->maps, start, coarsest,
-                        align_reach(&t->aligner, coarsest, covariance_position_sigma(prior->covariance)), !seeded);
+        cast_maps(t, start, coarsest, covariance_position_sigma(prior->covariance), !seeded);
     double cast = now_ms();
     align_prior known = *prior;
     pose from = pose_between(&m->seen_from, start);
