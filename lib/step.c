@@ -7,7 +7,7 @@
  */
 #include <string.h>
 
-#include "api/context.h"
+#include "context.h"
 #include "base/covariance.h"
 #include "base/stamps.h"
 #include "tracking/report.h"

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "api/settings.h"
-#include "api/context.h"
+#include "context.h"
 #include "api/warm_up.h"
 #include "base/log.h"
 #include "base/stamps.h"

@@ -12,7 +12,7 @@
 
 #include "simulate/counter_random.h"
 #include "fathom/replay/playback.h"
-#include "api/context.h"
+#include "context.h"
 #include "base/covariance.h"
 
 #define DEGREES 57.29577951308232

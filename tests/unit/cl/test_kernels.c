@@ -17,7 +17,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "api/context.h"
+#include "context.h"
 #include "map/surface.h"
 #include "kernel_checks_real.h"
 #include "selftest/kernel_checks_bench.h"
