@@ -1,7 +1,7 @@
 #include "fathom/files/picture.h"
 #include "fathom/shell/cli.h"
-#include "recording/image_file.h"
 #include "fathom/files/overview.h"
+#include "fathom/files/png_file.h"
 #include "fathom/files/shade.h"
 
 #include <math.h>
@@ -120,7 +120,6 @@ static int draw(fathom *context, const struct path *path, struct canvas *canvas)
 
 bool picture_write(fathom *context, const struct path *path, const char *file) {
     const size_t pixels = (size_t)WIDTH * HEIGHT;
-    char error[512];
     struct canvas canvas = {.rgb = malloc(3 * pixels),
                             .depth = malloc(pixels * sizeof(float)),
                             .normals = malloc(3 * pixels * sizeof(float)),
@@ -132,14 +131,11 @@ bool picture_write(fathom *context, const struct path *path, const char *file) {
         cli_error(CLI_FAILED, "%s: no surface to draw", file);
     else if (result < 0)
         cli_error(CLI_FAILED, "%s: %s", file, fathom_error_name(result));
-    else if (image_write_rgb8(file, canvas.rgb, WIDTH, HEIGHT, error, sizeof error)) {
-        cli_error(CLI_FAILED, "%s", error);
-        result = FATHOM_ERROR_STOPPED;
-    }
+    const bool written = result >= 0 && png_write_rgb(file, canvas.rgb, WIDTH, HEIGHT);
     free(canvas.rgb);
     free(canvas.depth);
     free(canvas.normals);
     free(canvas.ink);
     free(canvas.state);
-    return result >= 0;
+    return written;
 }

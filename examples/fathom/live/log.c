@@ -5,7 +5,7 @@
 #include "fathom/live_recorder.h"
 #include "fathom/live/live_rig.h"
 #include "fathom/shell/log.h"
-#include "monotonic.h"
+#include "fathom/shell/clock.h"
 #include "fathom/live/rig_watch.h"
 
 #include <inttypes.h>
@@ -107,7 +107,7 @@ static void say_drops(struct logging *logging) {
 }
 
 static void report(struct logging *logging) {
-    const int64_t now_ns = monotonic_now_ns();
+    const int64_t now_ns = clock_now_ns();
     rig_watch_glance(&logging->watch, &logging->rig);
     say_drops(logging);
     draw_line(logging);
@@ -136,7 +136,7 @@ static void report_end(struct logging *logging) {
 /* ---- frames ---- */
 
 static bool is_over(const struct logging *logging) {
-    return cli_interrupted() || monotonic_now_ns() >= logging->end_ns;
+    return cli_interrupted() || clock_now_ns() >= logging->end_ns;
 }
 
 /* False when there are enough, or no more can be written. */
@@ -154,7 +154,7 @@ static int take_frames(struct logging *logging) {
     fathom_source_frame frame;
     int waited = FATHOM_OK;
     bool more = true;
-    logging->end_ns = duration > 0 ? monotonic_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
+    logging->end_ns = duration > 0 ? clock_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
     while (more && !is_over(logging)) {
         waited = fathom_source_wait(depth, SLICE_MS);
         if (waited && waited != FATHOM_ERROR_TIMEOUT) break;

@@ -4,7 +4,7 @@
 #include "fathom/shell/cli.h"
 #include "fathom/live/live_rig.h"
 #include "fathom/shell/log.h"
-#include "monotonic.h"
+#include "fathom/shell/clock.h"
 #include "fathom/files/ply.h"
 #include "fathom/shell/settings.h"
 #include "fathom/live/scan_report.h"
@@ -87,7 +87,7 @@ static void push_samples(void *context, const fathom_imu_sample *samples, int co
 static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
     fathom_result result;
     live_rig_push_until(&scan->rig, frame->depth.timestamp_ns);
-    const double latency_ms = 1e-6 * (double)(monotonic_now_ns() - frame->arrival_ns);
+    const double latency_ms = 1e-6 * (double)(clock_now_ns() - frame->arrival_ns);
     log_clear(&scan->log);
     const int stepped = fathom_step(scan->context, &frame->depth, &result);
     if (stepped == FATHOM_ERROR_TIME || stepped == FATHOM_ERROR_SIZE) {
@@ -112,14 +112,14 @@ static void keep_reckoning(struct scan *scan) {
 
 static bool is_over(const struct scan *scan) {
     const long frames = scan->live.frames;
-    return cli_interrupted() || monotonic_now_ns() >= scan->end_ns ||
+    return cli_interrupted() || clock_now_ns() >= scan->end_ns ||
            (frames && scan->report.frames >= frames);
 }
 
 static int take_frames(struct scan *scan) {
     int status = CLI_DONE, waited = FATHOM_OK;
     const double duration = scan->live.duration;
-    scan->end_ns = duration > 0 ? monotonic_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
+    scan->end_ns = duration > 0 ? clock_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
     while (!status && !is_over(scan)) {
         fathom_source_frame frame;
         waited = fathom_source_wait(scan->rig.depth, SLICE_MS);
