@@ -5,7 +5,7 @@
 int call_begin(fathom *f) {
     if (!f) return FATHOM_ERROR_ARGUMENT;
     if (f->device.error != FATHOM_OK) return FATHOM_ERROR_DEVICE; /* the text stays that of its death */
-    f->report.kept = false;
+    f->error.kept = false;
     return FATHOM_OK;
 }
 
@@ -31,5 +31,5 @@ int call_take(fathom *f, void *whole, size_t size, const void *callers, const ch
 }
 
 const char *fathom_last_error(const fathom *f) {
-    return f ? f->report.text : "";
+    return f ? f->error.text : "";
 }

@@ -2,7 +2,7 @@
 #ifndef FATHOM_CALL_H
 #define FATHOM_CALL_H
 
-#include "api/context.h"
+#include "context.h"
 
 /* FATHOM_OK; FATHOM_ERROR_ARGUMENT for NULL; FATHOM_ERROR_DEVICE when the context is dead. */
 int call_begin(fathom *f);
@@ -11,7 +11,7 @@ int call_begin(fathom *f);
 int call_end(fathom *f);
 
 /* Keeps and logs the text; returns FATHOM_ERROR_ARGUMENT. */
-#define call_refuse(f, ...) report_fail(&(f)->report, FATHOM_ERROR_ARGUMENT, FATHOM_LOG_ERROR, __VA_ARGS__)
+#define call_refuse(f, ...) error_text_fail(&(f)->error, FATHOM_ERROR_ARGUMENT, FATHOM_LOG_ERROR, __VA_ARGS__)
 
 /* The size of the caller's struct, or 0, with a text that names it. */
 size_t call_struct(fathom *f, const void *callers, const char *name);

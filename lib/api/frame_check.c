@@ -8,16 +8,16 @@
 
 static int check_size_and_stamp(fathom *f, const fathom_depth_frame *frame) {
     const fathom_pinhole *c = &f->config.depth_camera;
-    report *r = &f->report;
+    error_text *r = &f->error;
     if (frame->width != c->width || frame->height != c->height)
-        return report_fail(r, FATHOM_ERROR_SIZE, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d",
+        return error_text_fail(r, FATHOM_ERROR_SIZE, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d",
                            frame->width, frame->height, c->width, c->height);
     if (!stamp_valid(frame->timestamp_ns))
-        return report_fail(r, FATHOM_ERROR_TIME, FATHOM_LOG_WARNING,
+        return error_text_fail(r, FATHOM_ERROR_TIME, FATHOM_LOG_WARNING,
                            "a frame stamped %lld ns was ignored: more than 126 years from zero",
                            (long long)frame->timestamp_ns);
     if (f->timestamp_ns != INT64_MIN && frame->timestamp_ns <= f->timestamp_ns)
-        return report_fail(r, FATHOM_ERROR_TIME, FATHOM_LOG_WARNING,
+        return error_text_fail(r, FATHOM_ERROR_TIME, FATHOM_LOG_WARNING,
                            "a frame stamped %.6f s was ignored: the one before has %.6f s",
                            1e-9 * (double)frame->timestamp_ns, 1e-9 * (double)f->timestamp_ns);
     return FATHOM_OK;

@@ -2,7 +2,7 @@
 #ifndef FATHOM_FRAME_CHECK_H
 #define FATHOM_FRAME_CHECK_H
 
-#include "api/context.h"
+#include "context.h"
 
 /* Takes a frame in, with its strides filled in. FATHOM_OK; FATHOM_ERROR_ARGUMENT for what makes no sense; FATHOM_ERROR_SIZE or
  * _TIME for a frame that is to be ignored. The text says why. */

@@ -11,8 +11,7 @@ static void close_parts(fathom *f) {
     volume_close(&f->volume);
     whole_mesh_close(&f->patch);
     surface_close(&f->surface);
-    model_view_close(&f->view);
-    aligner_close(&f->aligner);
+    tracker_close(&f->tracker);
     depth_maps_close(&f->maps);
     device_close(&f->device);
 }
@@ -25,9 +24,7 @@ static void start_over(fathom *f) {
     memset(f->covariance, 0, sizeof f->covariance);
     f->timestamp_ns = INT64_MIN;
     f->started = f->paused = f->said_full = false;
-    f->cast_coarsest = FATHOM_LEVELS;
-    f->drawn = 0;
-    f->missed = 0;
+    tracker_reset(&f->tracker);
     f->recent.count = 0;
     f->result = FATHOM_STRUCT(fathom_result);
     f->result.state = FATHOM_RECKONED;
@@ -39,8 +36,8 @@ static void start_over(fathom *f) {
 static int build(fathom *f, const fathom *scratch, const fathom_memory_plan *plan, arena *a) {
     memset(f, 0, sizeof *f);
     f->config = scratch->config;
-    f->report = scratch->report;
-    f->config.log_user = &f->report;
+    f->error = scratch->error;
+    f->config.log_user = &f->error;
     f->device = scratch->device;
     f->device.config = &f->config;
     int e = device_open(&f->device);
@@ -63,15 +60,15 @@ static int build(fathom *f, const fathom *scratch, const fathom_memory_plan *pla
 static int init(fathom **context, fathom *scratch, const fathom_config *config, void *memory, size_t size, char *why,
                 size_t why_size) {
     fathom_memory_plan plan;
-    report *r = &scratch->report;
+    error_text *r = &scratch->error;
     int e = plan_make(scratch, config, &plan);
     if (e == FATHOM_OK && (!context || !memory))
-        e = report_fail(r, FATHOM_ERROR_ARGUMENT, FATHOM_LOG_ERROR, "%s is NULL", context ? "memory" : "context");
+        e = error_text_fail(r, FATHOM_ERROR_ARGUMENT, FATHOM_LOG_ERROR, "%s is NULL", context ? "memory" : "context");
     if (e == FATHOM_OK && size < (size_t)plan.host_bytes)
-        e = report_fail(r, FATHOM_ERROR_MEMORY, FATHOM_LOG_ERROR, "the block has %zu bytes; these settings need %lld", size,
+        e = error_text_fail(r, FATHOM_ERROR_MEMORY, FATHOM_LOG_ERROR, "the block has %zu bytes; these settings need %lld", size,
                         (long long)plan.host_bytes);
     if (e != FATHOM_OK) {
-        report_copy(r, why, why_size);
+        error_text_copy(r, why, why_size);
         return e;
     }
     size_t lost;
@@ -81,7 +78,7 @@ static int init(fathom **context, fathom *scratch, const fathom_config *config, 
     for (size_t i = 0; i < a.size && i < (size_t)plan.host_bytes; i += 4096) a.base[i] = 0;
     fathom *f = arena_take(&a, sizeof *f);
     e = build(f, scratch, &plan, &a);
-    report_copy(&f->report, why, why_size);
+    error_text_copy(&f->error, why, why_size);
     if (e == FATHOM_OK) *context = f;
     return e;
 }

@@ -10,12 +10,12 @@
 
 void plan_layout(fathom *f, arena *a, int blocks) {
     depth_maps_init(&f->maps, &f->device, a, &f->config);
-    aligner_init(&f->aligner, &f->device, a, &f->config, &f->maps);
     surface_init(&f->surface, &f->device, a, &f->maps);
-    model_view_init(&f->view, &f->device, a, &f->config, &f->maps);
     inertial_init(&f->inertial, a, &f->config);
     f->recent.results = arena_take(a, FATHOM_RECENT * sizeof *f->recent.results);
     whole_mesh_init(&f->patch, &f->device, a, &f->config);
+    tracker_init(&f->tracker, &f->device, a, &f->config, &f->maps, &f->volume, &f->inertial);
+    fusing_init(&f->fusing, &f->device, &f->config, &f->maps, &f->volume);
     volume_init(&f->volume, &f->device, a, &f->config, &f->maps, blocks);
 }
 
@@ -33,22 +33,22 @@ int plan_make(fathom *f, const fathom_config *given, fathom_memory_plan *plan) {
     memset(plan, 0, sizeof *plan);
     kernel_camera camera;
     const fathom_config *config = &f->config;
-    int e = config_take(given, &f->config, &f->report);
+    int e = config_take(given, &f->config, &f->error);
     if (e == FATHOM_OK) e = config_check(config);
     if (e == FATHOM_OK) e = depth_maps_camera(config, &camera);
     if (e == FATHOM_OK) e = device_choose(&f->device, config);
     if (e != FATHOM_OK) return e;
-    int blocks = config->blocks;
+    int blocks = config->max_blocks;
     int64_t device_bytes, fixed = bytes_with(f, 1, &device_bytes) + device_bytes;
     if (blocks == 0) {
-        int64_t room = (config->memory_cap_bytes - fixed) / (int64_t)volume_block_cost();
+        int64_t room = (config->max_memory_bytes - fixed) / (int64_t)volume_block_cost();
         blocks = (int)(room < CONFIG_BLOCKS_MOST ? room : CONFIG_BLOCKS_MOST);
     }
     int64_t host_bytes = bytes_with(f, blocks > 0 ? blocks : 1, &device_bytes);
-    if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->memory_cap_bytes) {
+    if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->max_memory_bytes) {
         log_write(config, FATHOM_LOG_ERROR,
-                   "memory_cap_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
-                   (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576,
+                   "max_memory_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
+                   (double)config->max_memory_bytes / 1048576, (double)fixed / 1048576,
                    blocks > CONFIG_BLOCKS_LEAST ? blocks : CONFIG_BLOCKS_LEAST);
         return FATHOM_ERROR_MEMORY;
     }
@@ -65,7 +65,7 @@ int plan_make(fathom *f, const fathom_config *given, fathom_memory_plan *plan) {
 static int make(const fathom_config *config, fathom_memory_plan *plan, char *why, size_t why_size) {
     fathom scratch;
     int e = plan_make(&scratch, config, plan);
-    report_copy(&scratch.report, why, why_size);
+    error_text_copy(&scratch.error, why, why_size);
     return e;
 }
 
@@ -73,8 +73,8 @@ int fathom_plan_memory(const fathom_config *config, fathom_memory_plan *plan, ch
     fathom_memory_plan whole;
     const size_t size = sized_of(plan);
     if (size == 0) {
-        const report r = {.text = "plan is NULL, or its struct_size isn't set: FATHOM_STRUCT(fathom_memory_plan)"};
-        report_copy(&r, why, why_size);
+        const error_text r = {.text = "plan is NULL, or its struct_size isn't set: FATHOM_STRUCT(fathom_memory_plan)"};
+        error_text_copy(&r, why, why_size);
         return FATHOM_ERROR_ARGUMENT;
     }
     int e = make(config, &whole, why, why_size);

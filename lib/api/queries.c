@@ -16,7 +16,7 @@ int fathom_inertial_estimate(fathom *f, int64_t from_ns, int64_t to_ns, fathom_m
     inertial_drain(&f->inertial);
     e = inertial_estimate(&f->inertial, from_ns, to_ns, &m);
     if (e != FATHOM_OK) {
-        return report_fail(&f->report, e, FATHOM_LOG_INFO, "there are neither samples nor a tracked frame to estimate by");
+        return error_text_fail(&f->error, e, FATHOM_LOG_INFO, "there are neither samples nor a tracked frame to estimate by");
     }
     whole.motion = pose_give(&m.motion);
     memcpy(whole.covariance, m.covariance, sizeof whole.covariance);

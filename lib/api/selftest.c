@@ -5,7 +5,7 @@ int fathom_selftest(const fathom_config *config, fathom_selftest_report on_check
     if (!on_check) return FATHOM_ERROR_ARGUMENT;
     device d;
     fathom_config whole;
-    report words = {0};
+    error_text words = {0};
     int failed = 0, stop = 0;
     int e = config_take(config, &whole, &words);
     if (e == FATHOM_OK) e = kernel_checks_open(&d, &whole, SHAPE_OWN);

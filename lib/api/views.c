@@ -36,7 +36,7 @@ static int64_t mesh_end(fathom *f, int64_t count) {
     const int e = call_end(f);
     if (e != FATHOM_OK) return e;
     if (count == FATHOM_ERROR_STOPPED)
-        report_fail(&f->report, FATHOM_ERROR_STOPPED, FATHOM_LOG_INFO, "the caller's callback stopped the mesh");
+        error_text_fail(&f->error, FATHOM_ERROR_STOPPED, FATHOM_LOG_INFO, "the caller's callback stopped the mesh");
     return count;
 }
 

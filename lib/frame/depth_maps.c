@@ -12,11 +12,11 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     int width = c->align_width, height = c->align_height;
     if (width == 0 && height == 0) {
         int factor = 1;
-        while (p->width / factor > c->align_most || p->width % factor || p->height % factor) {
+        while (p->width / factor > c->max_align_width || p->width % factor || p->height % factor) {
             if (++factor > 64) {
                 log_write(c, FATHOM_LOG_ERROR,
                            "depth of %dx%d has no whole fraction up to %d wide: set align_width",
-                           p->width, p->height, c->align_most);
+                           p->width, p->height, c->max_align_width);
                 return FATHOM_ERROR_CONFIG;
             }
         }
@@ -47,7 +47,7 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
     }
     /* what is noisier than the surface is thick fills the pool and says nothing */
     float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m) - c->depth_noise_base_m;
-    float far_m = c->depth_noise_growth > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth) : c->depth_max_m;
+    float far_m = c->depth_noise_growth_per_m > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth_per_m) : c->max_depth_m;
     const fathom_pinhole *p = &c->depth_camera;
     float k[8] = {0};
     for (int i = 0; i < (p->lens == FATHOM_LENS_PINHOLE ? 0 : p->lens == FATHOM_LENS_FIVE ? 5 : 8); i++)
@@ -69,9 +69,9 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
                                       .height = p->height,
                                       .factor = p->width / m->camera[FINEST].width,
                                       .metres_per_unit = 1.0f / c->depth_units_per_metre,
-                                      .min_m = c->depth_min_m,
-                                      .max_m = fmaxf(fminf(c->depth_max_m, far_m), c->depth_min_m)};
-    m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
+                                      .min_m = c->min_depth_m,
+                                      .max_m = fmaxf(fminf(c->max_depth_m, far_m), c->min_depth_m)};
+    m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth_per_m}};
     device_buffer_make(d, a, (size_t)p->width * (size_t)p->height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
     for (int i = 0; i < FATHOM_LEVELS; i++) {

@@ -100,7 +100,7 @@ fathom_config synthetic_config(const synthetic_frame *first) {
     c.depth_camera.cy = camera.cy;
     c.depth_units_per_metre = SYNTHETIC_UNITS;
     c.voxel_m = 0.02f;
-    c.blocks = 6000;
+    c.max_blocks = 6000;
     if (first) c.first_pose = first->pose;
     c.cache_folder = cache;
     return c;

@@ -4,32 +4,30 @@
 
 #include <stdatomic.h>
 
-#include "align/align.h"
-#include "api/report.h"
+#include "base/error_text.h"
 #include "inertial/inertial.h"
-#include "tracking/verdict.h"
-#include "tracking/relocalise.h"
+#include "map/fusing.h"
 #include "map/surface.h"
-#include "tracking/predicted_view.h"
 #include "map/volume.h"
 #include "map/whole_mesh.h"
+#include "tracking/track.h"
 
 /* The latest results, in a ring. */
 typedef struct {
     fathom_result *results; /* FATHOM_RECENT; in the block, not in the context: a scratch context lies on the stack */
-    int64_t count; /* ever put in */
+    int64_t count;          /* ever put in */
 } recent;
 
 struct fathom {
-    fathom_config config; /* its log leads through the report */
-    report report;
+    fathom_config config; /* its log leads through the error text */
+    error_text error;
     atomic_bool dead; /* OpenCL has failed; for the thread that pushes samples */
     device device;
     depth_maps maps;
     volume volume;
-    aligner aligner;
-    model_view view;
     inertial inertial;
+    tracker tracker;
+    fusing fusing;
     surface_output surface;
     volume patch; /* of the whole mesh */
     int64_t arena_bytes;
@@ -38,12 +36,6 @@ struct fathom {
     double covariance[36]; /* of that pose: pose * exp(error) */
     int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
     bool started;          /* the first surface has been fused */
-    pose reference;        /* where the model maps were seen from */
-    pose fused;            /* of the last frame that went into the surface */
-    int cast_coarsest; /* coarsest level of the model maps; FATHOM_LEVELS: there are none to be used again */
-    int cast_pairs;    /* that alignment found when they were new */
-    unsigned drawn;    /* hypotheses of the search so far */
-    int missed;        /* frames in a row, lost, that alignment and search have failed for */
     bool paused;
     bool said_full; /* the log knows that the pool is full */
     int64_t frames_ignored;
@@ -53,12 +45,5 @@ struct fathom {
 
 /* One turn of Figure 2 (lib/step.c); the frame has been checked. */
 void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r);
-
-/* Its core: aligns the frame in the maps from a seed of that covariance, and judges. seeded: with seeded_iterations. */
-void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const double predicted[36],
-             bool seeded, alignment *icp, fathom_result *r);
-
-/* Puts the frame in the maps into the surface, as seen from there. */
-void fuse(fathom *f, const pose *at, fathom_result *r);
 
 #endif

@@ -1,7 +1,7 @@
 /* What went wrong, in words: every message of a context passes here on its way to the caller's log, and the text of the
  * latest failure stays for fathom_last_error. */
-#ifndef FATHOM_REPORT_H
-#define FATHOM_REPORT_H
+#ifndef FATHOM_ERROR_TEXT_H
+#define FATHOM_ERROR_TEXT_H
 
 #include "fathom.h"
 
@@ -10,16 +10,16 @@ typedef struct {
     void *log_user;
     bool kept; /* the text is of this call: a later message tells only more of the same failure */
     char text[256];
-} report;
+} error_text;
 
-/* A fathom_log: keeps an error's text and hands on. user: a report. */
-void report_log(void *user, fathom_log_level level, const char *text);
+/* A fathom_log: keeps an error's text and hands on. user: an error_text. */
+void error_text_log(void *user, fathom_log_level level, const char *text);
 
 /* Keeps the text, logs it at that level, and returns the error. */
-int report_fail(report *r, int error, fathom_log_level level, const char *format, ...)
+int error_text_fail(error_text *r, int error, fathom_log_level level, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 
 /* Copies the text into a caller's buffer, cut to its size; nothing when there is none. */
-void report_copy(const report *r, char *why, size_t size);
+void error_text_copy(const error_text *r, char *why, size_t size);
 
 #endif

@@ -1,22 +1,22 @@
-#include "api/report.h"
+#include "base/error_text.h"
 
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-static void keep(report *r, const char *text) {
+static void keep(error_text *r, const char *text) {
     if (r->kept) return;
     r->kept = true;
     snprintf(r->text, sizeof r->text, "%.*s", (int)strcspn(text, "\n"), text);
 }
 
-void report_log(void *user, fathom_log_level level, const char *text) {
-    report *r = user;
+void error_text_log(void *user, fathom_log_level level, const char *text) {
+    error_text *r = user;
     if (level == FATHOM_LOG_ERROR) keep(r, text);
     if (r->log) r->log(r->log_user, level, text);
 }
 
-int report_fail(report *r, int error, fathom_log_level level, const char *format, ...) {
+int error_text_fail(error_text *r, int error, fathom_log_level level, const char *format, ...) {
     char text[sizeof r->text];
     va_list args;
     va_start(args, format);
@@ -27,6 +27,6 @@ int report_fail(report *r, int error, fathom_log_level level, const char *format
     return error;
 }
 
-void report_copy(const report *r, char *why, size_t size) {
+void error_text_copy(const error_text *r, char *why, size_t size) {
     if (why && size > 0) snprintf(why, size, "%s", r->text);
 }
