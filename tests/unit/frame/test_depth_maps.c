@@ -44,21 +44,21 @@ static void every_level_sees_the_same_field_of_view(void **state) {
 static void depth_ends_where_noise_is_thicker_than_the_surface(void **state) {
     (void)state;
     fathom_config c = fathom_config_default();
-    c.depth_max_m = 20;
+    c.max_depth_m = 20;
     for (int i = 0; i < 3; i++) {
         c.voxel_m = 0.005f * (float)(1 << i);
         depth_maps maps = maps_of(&c);
         double z = maps.source.max_m;
         assert_true(z < 20);
-        assert_true(fabs(c.depth_noise_base_m + c.depth_noise_growth * z * z - 8 * c.voxel_m) < 1e-5);
+        assert_true(fabs(c.depth_noise_base_m + c.depth_noise_growth_per_m * z * z - 8 * c.voxel_m) < 1e-5);
     }
     c.truncation_m = 0.01f;
     depth_maps maps = maps_of(&c);
     double z = maps.source.max_m;
-    assert_true(fabs(c.depth_noise_base_m + c.depth_noise_growth * z * z - 0.02) < 1e-5);
-    c.depth_max_m = 1.5f; /* and no further than the settings say */
+    assert_true(fabs(c.depth_noise_base_m + c.depth_noise_growth_per_m * z * z - 0.02) < 1e-5);
+    c.max_depth_m = 1.5f; /* and no further than the settings say */
     assert_true(maps_of(&c).source.max_m == 1.5f);
-    c.depth_noise_growth = 0;
+    c.depth_noise_growth_per_m = 0;
     assert_true(maps_of(&c).source.max_m == 1.5f);
 }
 

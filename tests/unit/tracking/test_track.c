@@ -144,11 +144,11 @@ static void what_a_wall_leaves_free_is_held_by_the_prior_and_not_by_the_start(vo
 static void a_failed_attempt_costs_too(void **state) {
     (void)state;
     fathom_config c = without_imu();
-    c.stop_rotation_rad = c.stop_translation_m = 0;
-    c.stop_error_fall = -1e9f; /* every iteration is spent */
+    c.min_update_rad = c.min_update_m = 0;
+    c.min_error_decrease = -1e9f; /* every iteration is spent */
     const int seeded[FATHOM_LEVELS] = {0, 0, 4}, all[FATHOM_LEVELS] = {1, 1, 1};
-    memcpy(c.seeded_iterations, seeded, sizeof seeded);
-    memcpy(c.iterations, all, sizeof all);
+    memcpy(c.max_seeded_iterations, seeded, sizeof seeded);
+    memcpy(c.max_iterations, all, sizeof all);
     scan_desk(&c);
     const double off[6] = {0, 0, 0, 0.12, 0, 0};
     pose truth = truth_of(&desk[KNOWN - 1]);
@@ -172,7 +172,7 @@ static void maps_serve_again_until_the_camera_has_moved_or_turned(void **state) 
     for (int i = 0; i < 6; i++)
         for (int far = 0; far < 2; far++) {
             double twist[6] = {0};
-            twist[i] = (far ? 1.01 : 0.99) * (double)(i < 3 ? c.keep_model_rad : c.keep_model_m);
+            twist[i] = (far ? 1.01 : 0.99) * (double)(i < 3 ? c.max_model_reuse_rad : c.max_model_reuse_m);
             pose by = pose_exp(twist), there = pose_multiply(&maps.seen_from, &by);
             assert_int_equal(model_maps_hold(&maps, &there, FINEST), !far);
         }
@@ -223,7 +223,7 @@ static void pairs_may_lie_further_apart_on_coarser_levels(void **state) {
     aligner a = {.config = &c};
     for (int k = 0; k < 3; k++) {
         double sigma = k == 0 ? 0 : k == 1 ? 0.1 : 5;
-        double finest = k == 0 ? (double)c.pair_distance_m : k == 1 ? 0.3 : 0.6; /* three sigma, of 0.2 at most */
+        double finest = k == 0 ? (double)c.max_pair_distance_m : k == 1 ? 0.3 : 0.6; /* three sigma, of 0.2 at most */
         for (int level = 0; level < FATHOM_LEVELS; level++)
             assert_true(fabs((double)align_reach(&a, level, sigma) / finest - (1 << (FINEST - level))) < 1e-5);
     }
@@ -265,7 +265,7 @@ static void a_slanted_surface_is_compared_across_itself(void **state) {
     (void)state;
     static synthetic_frame slanted;
     fathom_config c = without_imu();
-    c.depth_noise_growth = 0.001f;
+    c.depth_noise_growth_per_m = 0.001f;
     const kernel_camera k = kernel_camera_of(SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, c.fx, c.fy, c.cx, c.cy);
     const double normal[3] = {sin(1.2), 0, -cos(1.2)};
     slanted = desk[0];

@@ -119,7 +119,7 @@ static void the_innovation_has_floors(void **state) {
     for (int i = 0; i < 6; i++) {
         align_prior prior = {.mean = pose_identity()};
         attempt a = {.icp = good()};
-        double twist[6] = {0}, floor = i < 3 ? (double)config.seed_floor_rad : (double)config.seed_floor_m;
+        double twist[6] = {0}, floor = i < 3 ? (double)config.seed_noise_rad : (double)config.seed_noise_m;
         for (int k = 0; k < 6; k++) prior.covariance[7 * k] = 1e-18;
         twist[i] = floor;
         a.icp.motion = pose_exp(twist);
@@ -141,16 +141,16 @@ static void the_innovation_is_measured_from_the_priors_mean_in_its_axes(void **s
     pose way = pose_exp(off);
     a.icp.motion = pose_multiply(&prior.mean, &way);
     measure_innovation(&config, &prior, &a);
-    double floor = (double)config.seed_floor_m;
+    double floor = (double)config.seed_noise_m;
     assert_true(fabs(a.innovation - 0.3 / sqrt(0.01 + floor * floor)) < 1e-6);
     assert_true(fabs(a.translation_m - 0.3) < 1e-9 && fabs(a.rotation_rad) < 1e-7);
 }
 
 static void evident_needs_a_good_seed_many_pairs_and_nearness(void **state) {
     (void)state;
-    attempt a = {.icp = good(), .seeded = true, .innovation = 0.99 * (double)config.evident_sigmas};
+    attempt a = {.icp = good(), .seeded = true, .innovation = 0.99 * (double)config.max_evident_sigmas};
     double valid = 0.5; /* of the frame */
-    a.icp.pairs = (int)ceil((double)config.evident_pairs * valid * a.icp.pixels);
+    a.icp.pairs = (int)ceil((double)config.min_evident_fraction * valid * a.icp.pixels);
     assert_true(evident(&config, valid, &a));
     a.icp.pairs -= 2;
     assert_false(evident(&config, valid, &a));
@@ -158,7 +158,7 @@ static void evident_needs_a_good_seed_many_pairs_and_nearness(void **state) {
     a.seeded = false;
     assert_false(evident(&config, valid, &a));
     a.seeded = true;
-    a.innovation = 1.01 * (double)config.evident_sigmas;
+    a.innovation = 1.01 * (double)config.max_evident_sigmas;
     assert_false(evident(&config, valid, &a));
 }
 
@@ -231,7 +231,7 @@ static double part(depth_maps *maps, uint16_t left, uint16_t right) {
     return valid_part(maps, &scan);
 }
 
-/* At voxels of 5 mm the default noise lets depth count up to 3.6 m, whatever depth_max_m says. */
+/* At voxels of 5 mm the default noise lets depth count up to 3.6 m, whatever max_depth_m says. */
 static void depth_that_noise_rules_out_is_not_valid(void **state) {
     (void)state;
     depth_maps maps;
@@ -246,11 +246,11 @@ static void depth_that_noise_rules_out_is_not_valid(void **state) {
     assert_true(part(&maps, 2000, 2000) == 1);
     assert_true(part(&maps, 2000, 4500) == 0.5);
     assert_true(part(&maps, 0, 65535) == 0);
-    assert_true(part(&maps, 299, 301) == 0.5); /* depth_min_m */
+    assert_true(part(&maps, 299, 301) == 0.5); /* min_depth_m */
     c.voxel_m = 0.02f;
     depth_maps_init(&maps, &none, &count, &c);
     assert_true(part(&maps, 2000, 4500) == 1);
-    assert_true(part(&maps, 2000, 5001) == 0.5); /* depth_max_m */
+    assert_true(part(&maps, 2000, 5001) == 0.5); /* max_depth_m */
     assert_false(has_depth(0.0099));
     assert_true(has_depth(0.01));
 }
