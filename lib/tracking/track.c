@@ -72,7 +72,7 @@ static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m
 /* The scan with the surface, or with the last accepted frame. Start, prior and result: camera to world. */
 static void align_scan(tracker *t, const pose *start, const align_prior *prior, bool seeded, alignment *icp) {
     const fathom_config *c = t->config;
-    const int *budget = seeded ? c->seeded_iterations : c->iterations;
+    const int *budget = seeded ? c->max_seeded_iterations : c->max_iterations;
     model_maps *m = &t->models;
     double began = now_ms();
     int coarsest = 0;
@@ -103,9 +103,8 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
     /* maps cast from a start that was far off show another part of the surface: a second round from where the first has led */
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && a->icp.pairs > 0;
     if (recast && !model_maps_hold(&t->models, &a->icp.motion, FINEST)) {
-        align_prior led = *prior;
-        led.mean = a->icp.motion;
-        align_scan(t, &led.mean, &led, false, &a->icp);
+        pose led = a->icp.motion;
+        align_scan(t, &led, prior, false, &a->icp);
     }
     double began = now_ms();
     judge(c, &t->view, t->device, t->maps, t->volume, prior, t->valid, a);
@@ -137,9 +136,7 @@ static void search(tracker *t, const align_prior *seed, attempt *icp) {
     t->cost.ms_align += now_ms() - began;
     for (int i = 0; i < found; i++) {
         attempt other = *icp;
-        align_prior draw = *seed;
-        draw.mean = best[i];
-        track_attempt(t, &best[i], &draw, false, &other);
+        track_attempt(t, &best[i], seed, false, &other);
         if (other.verdict != FATHOM_VERDICT_TRACKING) continue;
         *icp = other;
         return;
@@ -159,7 +156,7 @@ bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, 
         leave(t, &seed->mean, icp);
         return false;
     }
-    bool seeded = covariance_position_sigma(seed->covariance) < t->config->seeded_sigma_m;
+    bool seeded = covariance_position_sigma(seed->covariance) < t->config->max_seed_sigma_m;
     track_attempt(t, &seed->mean, seed, seeded, icp);
     if (seeded && worth_another_try(icp->verdict)) track_attempt(t, &seed->mean, seed, false, icp);
     second_attempt(t, &seed->mean, scan->timestamp_ns, icp);
