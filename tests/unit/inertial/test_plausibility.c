@@ -285,6 +285,20 @@ static void each_mistake_is_named_and_acted_on(void **state) {
     assert_int_equal(failures, 0);
 }
 
+/* Moments that wrong samples have led to are nothing to go back to. */
+static void a_navigator_that_starts_again_has_no_past(void **state) {
+    (void)state;
+    scan s = usual_scan(1);
+    double when = run(&s, in_degrees);
+    assert_true(isfinite(when));
+    s.seconds = when + 1e-6; /* up to that frame */
+    run(&s, in_degrees);
+    assert_false(n.usable);
+    pose origin = pose_identity();
+    measurement m = measurement_of_pose(n.now.state.timestamp_ns - 1, &origin, NULL, NULL, n.lever, 0, 0);
+    assert_int_equal(inertial_measure(&n, &m), FATHOM_ERROR_TIME);
+}
+
 static void a_turned_part_is_told_its_mounting(void **state) {
     (void)state;
     static const double right[][3] = {{0.8, -1.2, 50}, {0, 0, -90}, {30, 20, 70}};
@@ -431,6 +445,7 @@ static void names_are_all_different(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_mistake_is_named_and_acted_on),
+        cmocka_unit_test(a_navigator_that_starts_again_has_no_past),
         cmocka_unit_test(a_turned_part_is_told_its_mounting),
         cmocka_unit_test(what_is_right_stays_silent),
         cmocka_unit_test(a_higher_peak_shows_that_the_ones_before_were_no_limit),
