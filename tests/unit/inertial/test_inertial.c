@@ -177,7 +177,7 @@ static void reversed_interval_is_the_inverse(void **state) {
 /* The error of the inverse, seen from the earlier camera: exp(a) m = m exp(inv(Ad(m)) a). */
 static void a_backward_estimates_covariance_is_the_forward_ones_carried_over(void **state) {
     (void)state;
-    config.seed_floor_rad = config.seed_floor_m = 0;
+    config.seed_noise_rad = config.seed_noise_m = 0;
     config.imu_to_camera_translation[0] = 0.3f;
     begin();
     push_cone(200, 2);
