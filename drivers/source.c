@@ -76,22 +76,6 @@ bool fathom_source_driver(int index, fathom_source_driver_info *info) {
 
 /* ---- names ---- */
 
-const char *fathom_source_error_name(int error) {
-    switch (error) {
-    case FATHOM_ERROR_TIMEOUT: return "FATHOM_ERROR_TIMEOUT";
-    case FATHOM_ERROR_CANCELLED: return "FATHOM_ERROR_CANCELLED";
-    case FATHOM_ERROR_ENDED: return "FATHOM_ERROR_ENDED";
-    case FATHOM_ERROR_UNPLUGGED: return "FATHOM_ERROR_UNPLUGGED";
-    case FATHOM_ERROR_PERMISSION: return "FATHOM_ERROR_PERMISSION";
-    case FATHOM_ERROR_BUSY: return "FATHOM_ERROR_BUSY";
-    case FATHOM_ERROR_NO_DEVICE: return "FATHOM_ERROR_NO_DEVICE";
-    case FATHOM_ERROR_NOT_BUILT: return "FATHOM_ERROR_NOT_BUILT";
-    case FATHOM_ERROR_PROTOCOL: return "FATHOM_ERROR_PROTOCOL";
-    case FATHOM_ERROR_UNSUPPORTED: return "FATHOM_ERROR_UNSUPPORTED";
-    }
-    return fathom_error_name(error);
-}
-
 const char *fathom_source_state_name(fathom_source_state state) {
     switch (state) {
     case FATHOM_SOURCE_STOPPED: return "stopped";
@@ -197,16 +181,24 @@ int fathom_source_open(fathom_source **source, const char *uri, const fathom_sou
 
 void fathom_source_close(fathom_source *source) {
     if (!source) return;
-    source->does->stop(source);
+    fathom_source_stop(source);
     source->does->close(source);
 }
 
 int fathom_source_start(fathom_source *source) {
-    return source ? source->does->start(source) : FATHOM_ERROR_ARGUMENT;
+    if (!source) return FATHOM_ERROR_ARGUMENT;
+    if (source->started)
+        return source_fail(&source->options, FATHOM_ERROR_ARGUMENT, "fathom_source_start: it is started already");
+    const int result = source->does->start(source);
+    source->started = result == FATHOM_OK;
+    return result;
 }
 
 int fathom_source_stop(fathom_source *source) {
-    return source ? source->does->stop(source) : FATHOM_ERROR_ARGUMENT;
+    if (!source) return FATHOM_ERROR_ARGUMENT;
+    if (source->started) source->does->stop(source);
+    source->started = false;
+    return FATHOM_OK;
 }
 
 int fathom_source_wait(fathom_source *source, int timeout_ms) {
@@ -242,11 +234,8 @@ void fathom_source_configure(fathom_source *source, fathom_config *config) {
         return;
     }
     if (source->does->status(source, &status) || status.width == 0) return;
-    config->depth_width = status.width;
-    config->depth_height = status.height;
-    config->fx = (float)status.intrinsics[0];
-    config->fy = (float)status.intrinsics[1];
-    config->cx = (float)status.intrinsics[2];
-    config->cy = (float)status.intrinsics[3];
+    const double *k = status.intrinsics;
+    config->depth_camera = (fathom_pinhole){
+        .width = status.width, .height = status.height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
     config->depth_units_per_metre = (float)status.depth_units_per_metre;
 }

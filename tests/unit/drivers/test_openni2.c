@@ -16,6 +16,7 @@
 
 #include "recording/image_file.h"
 #include "monotonic.h"
+#include "source_contract.h"
 #include "camera/openni2_internal.h"
 #include "camera/openni2_oni.h"
 
@@ -108,7 +109,7 @@ static fathom_source *open_source(const char *uri, fathom_source_options options
     fathom_source *source = NULL;
     options.log = keep_log;
     const int result = fathom_source_open(&source, uri, &options);
-    if (result) fail_msg("%s: %s: %s", uri, fathom_source_error_name(result), log_text);
+    if (result) fail_msg("%s: %s: %s", uri, fathom_error_name(result), log_text);
     return source;
 }
 
@@ -138,7 +139,7 @@ static void check_pixels(const fathom_source_frame *frame, int factor) {
 static fathom_source_frame next_frame(fathom_source *source) {
     fathom_source_frame frame;
     const int result = fathom_source_wait(source, 2000);
-    if (result) fail_msg("%s: %s", fathom_source_error_name(result), log_text);
+    if (result) fail_msg("%s: %s", fathom_error_name(result), log_text);
     assert_int_equal(fathom_source_read_depth(source, &frame), FATHOM_OK);
     return frame;
 }
@@ -174,7 +175,8 @@ static void cameras_are_listed(void **state) {
 static void pixels_stamps_and_view(void **state) {
     (void)state;
     fathom_source_frame before = {0}, frame;
-    fathom_config config = fathom_config_default();
+    fathom_config config;
+    fathom_config_init(&config);
     fathom_source *source = open_source("openni2:", (fathom_source_options){0});
     const fathom_source_status opened = status_of(source);
     assert_int_equal(opened.state, FATHOM_SOURCE_STOPPED);
@@ -184,8 +186,8 @@ static void pixels_stamps_and_view(void **state) {
     assert_true(fabs(opened.intrinsics[0] - WIDTH / 2 / tan(1.0226 / 2)) < 1e-3);
     assert_true(fabs(opened.intrinsics[3] - 23.5) < 1e-9);
     fathom_source_configure(source, &config);
-    assert_int_equal(config.depth_width, WIDTH);
-    assert_true(fabsf(config.cx - 31.5f) < 1e-6f);
+    assert_int_equal(config.depth_camera.width, WIDTH);
+    assert_true(fabs(config.depth_camera.cx - 31.5) < 1e-6);
 
     assert_int_equal(fathom_source_start(source), FATHOM_OK);
     for (int i = 0; i < 150; i++) {
@@ -528,6 +530,12 @@ static void a_recording_plays_back_the_same_pixels(void **state) {
     fathom_source_close(source);
 }
 
+static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
+    (void)state;
+    check_source_contract("openni2:VIRTUAL-1", NULL);
+    check_source_contract("openni2:scan.oni", NULL);
+}
+
 static void a_recording_plays_at_its_pace(void **state) {
     (void)state;
     int result;
@@ -727,6 +735,7 @@ int main(int count, char **arguments) {
         cmocka_unit_test_setup(a_wait_is_cancelled_at_once, start_test),
         cmocka_unit_test_setup(many_openings_leave_nothing, start_test),
         cmocka_unit_test_setup(a_recording_plays_back_the_same_pixels, start_test),
+        cmocka_unit_test_setup(a_second_start_is_refused_and_the_source_goes_on, start_test),
         cmocka_unit_test_setup(a_recording_plays_at_its_pace, start_test),
         cmocka_unit_test_setup(a_recording_that_was_cut, start_test),
         cmocka_unit_test_setup(a_damaged_recording_ends_with_an_error, start_test),

@@ -46,7 +46,7 @@ static void configure(const double wrong_deg[3], double wrong_s, bool refine) {
     for (int k = 0; k < 3; k++) v[k] = wrong_deg[k] / DEGREES;
     rotation_of_vector(v, wrong);
     so3_multiply(wrong, r, r);
-    config = fathom_config_default();
+    fathom_config_init(&config);
     config.refine_rig = refine;
     for (int i = 0; i < 9; i++) config.imu_to_camera_rotation[i] = (float)r[i];
     for (int i = 0; i < 3; i++) config.imu_to_camera_translation[i] = (float)usual.translation[i];
@@ -212,7 +212,7 @@ static void standing_still_moves_nothing(void **state) {
     assert_true(e.rig.intervals > 800);
     for (int k = 0; k < 3; k++) {
         assert_true(fabs(e.mounting[k] - first.mounting[k]) < 0.2 / DEGREES);
-        assert_true(e.rig.rotation_sigma[k] > 0.9 * config.rig_rotation_sigma);
+        assert_true(e.rig.rotation_sigma[k] > 0.9 * config.rig_rotation_sigma_rad);
     }
     assert_true(fabs(e.offset - first.offset) < 0.25e-9 * (double)config.rig_clock_sigma_ns);
     assert_true(n.samples.refined_ns == 0); /* nothing stands out, so nothing was applied */

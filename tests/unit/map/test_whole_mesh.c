@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "fathom/files/block_store.h"
-#include "api/context.h"
+#include "context.h"
 #include "map/eviction.h"
 #include "synthetic.h"
 
@@ -28,7 +28,7 @@ static synthetic_frame frames[FRAMES];
 static fathom_config settings(int blocks) {
     fathom_config c = synthetic_config(&frames[0]);
     c.voxel_m = 0.04f;
-    c.blocks = blocks;
+    c.max_blocks = blocks;
     c.when_full = FATHOM_FULL_DROP;
     return c;
 }
@@ -230,7 +230,7 @@ static void a_small_pool_gives_the_mesh_of_a_large_one(void **state) {
 static void blocks_that_return_are_in_the_mesh_once(void **state) {
     (void)state;
     struct block_store store;
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     synthetic_context s = start(&store, POOL);
     for (int i = 0; i < 3 * FRAMES - 2; i++) {
         static synthetic_frame f;
