@@ -40,7 +40,7 @@ KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard o
 sources_in  = $(sort $(foreach f,$(1),$(wildcard $(f)/*.c $(f)/*.cpp $(f)/*/*.c $(f)/*/*.cpp $(f)/*/*/*.c)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,lib)) $(BUILD)/kernels.o
 DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/camera/openni2_%.c) $(if $(filter 1,$(WITH_HIDAPI)),,drivers/imu/hid_source.c) \
-              $(if $(filter 1,$(WITH_LIBUSB)),,drivers/imu/usb_source.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/imu/iio_source.c) \
+              $(if $(filter 1,$(WITH_LIBUSB)),,drivers/imu/usb_%.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/imu/iio_source.c) \
               $(if $(filter 1,$(WITH_UDP)),,drivers/imu/udp_source.c)
 DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$(WITH_$(w)))
 DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(call sources_in,drivers)))
@@ -61,7 +61,7 @@ say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 .PHONY: all deps demo check bench bench-scale instructions reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
-all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom
+all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom $(BUILD)/minimal
 
 .PHONY: deps-check
 deps-check:
@@ -87,7 +87,7 @@ $(BUILD)/drivers/with: FORCE
 FORCE:
 
 $(BUILD)/drivers/imu/hid_source.c.o: CPPFLAGS += $(shell pkg-config --cflags hidapi-hidraw 2>/dev/null | sed 's/-I/-isystem /g')
-$(BUILD)/drivers/imu/usb_source.c.o: CPPFLAGS += $(shell pkg-config --cflags libusb-1.0 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/drivers/imu/usb_%.c.o $(BUILD)/tests/unit/drivers/test_usb_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libusb-1.0 2>/dev/null | sed 's/-I/-isystem /g')
 $(BUILD)/drivers/camera/openni2_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 
 # The kernels' text, one C string a file, so that nothing has to be installed beside the library.
@@ -124,6 +124,11 @@ $(BUILD)/fathom: $(CLI_OBJ) $(DRIVERS_OBJ) $(LIB_OBJ)
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
+
+# The README's program, as a user would link it.
+$(BUILD)/minimal: $(BUILD)/examples/minimal.c.o $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(LIB_LIBS)
 
 # ---- house ----------------------------------------------------------------------------------------------------------
 
@@ -188,6 +193,9 @@ install: all
 	install -m 644 $(BUILD)/libfathom.a $(DRIVERS_A) $(DESTDIR)$(PREFIX)/lib/
 	install -m 644 lib/fathom.h drivers/fathom_drivers.h $(DESTDIR)$(PREFIX)/include/
 	install -m 755 $(BUILD)/fathom $(DESTDIR)$(PREFIX)/bin/
+	install -d $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/bash-completion/completions
+	$(BUILD)/fathom --man > $(DESTDIR)$(PREFIX)/share/man/man1/fathom.1
+	$(BUILD)/fathom --completion bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/fathom
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' lib/fathom.pc.in > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' -e 's|@LIBS@|$(DRIVERS_LIBS)|' drivers/fathom-drivers.pc.in \
 	    > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
@@ -198,6 +206,7 @@ uninstall:
 	rm -f $(DESTDIR)$(PREFIX)/lib/libfathom.so* $(DESTDIR)$(PREFIX)/lib/libfathom.a $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.a
 	rm -f $(DESTDIR)$(PREFIX)/include/fathom.h $(DESTDIR)$(PREFIX)/include/fathom_drivers.h
 	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
+	rm -f $(DESTDIR)$(PREFIX)/share/man/man1/fathom.1 $(DESTDIR)$(PREFIX)/share/bash-completion/completions/fathom
 	rm -f $(addprefix $(DESTDIR)$(UDEV)/,$(notdir $(wildcard drivers/udev/*.rules)))
 
 clean:
@@ -232,7 +241,8 @@ soak: deps
 # ---- tests ----------------------------------------------------------------------------------------------------------
 # tests/unit/*/test_*.c are cmocka programs, tests/e2e/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
 
-TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,test_openni2%) $(if $(filter 1,$(WITH_UDP)),,test_udp_source)
+TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,test_openni2%) $(if $(filter 1,$(WITH_UDP)),,test_udp_source) \
+              $(if $(filter 1,$(WITH_LIBUSB)),,test_usb_source) $(if $(filter 1,$(WITH_LIBIIO)),,test_iio_source)
 TESTS_SRC   = $(sort $(wildcard tests/unit/*/test_*.c))
 TESTS       = $(addprefix $(BUILD)/tests/,$(filter-out $(TESTS_OUT),$(notdir $(TESTS_SRC:.c=))))
 SUPPORT_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/support/*.c))
@@ -264,7 +274,8 @@ $(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_OBJ) $(LIB_OBJ)
 VIRTUAL_DEPTH = $(BUILD)/tests/openni2/libVirtualDepth.so.0
 $(BUILD)/tests/openni2/%.cpp.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 $(BUILD)/tests/unit/drivers/test_openni2.c.o $(BUILD)/tests/unit/drivers/test_openni2_parts.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
-$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(DRIVERS_OBJ)
+# Only what it uses: libOpenNI2 loads it with every symbol resolved.
+$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(filter $(BUILD)/drivers/recording/recording% $(BUILD)/drivers/recording/image_file%,$(DRIVERS_OBJ))
 	$(call say,LD)
 	$(Q)$(CXX) -shared -o $@ $^ $(ALL_LDFLAGS) $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 $(BUILD)/tests/test_openni2: | $(VIRTUAL_DEPTH)
@@ -275,13 +286,15 @@ $(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(INSIDE)
 	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # What make bench measures with beside it.
-$(BUILD)/tests/bench/limit: $(BUILD)/tests/bench/machine_limit.c.o $(BUILD)/tests/bench/stage_work.c.o
+$(BUILD)/tests/bench/limit: $(addprefix $(BUILD)/tests/bench/,machine_limit.c.o stage_work.c.o bench_replay.c.o)
+$(BUILD)/tests/bench/fusion: $(BUILD)/tests/bench/bench_replay.c.o
 $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
-HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/fathom/,replay/playback.c shell/settings.c shell/options.c shell/cli.c shell/log.c))
+HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,$(addprefix tests/bench/,heap.c heap_count.c bench_replay.c) \
+             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c options.c option_values.c help.c cli.c log.c))
 $(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)

@@ -1,7 +1,8 @@
 #include "fathom/files/picture.h"
 #include "fathom/shell/cli.h"
-#include "recording/image_file.h"
 #include "fathom/files/overview.h"
+#include "fathom/files/png_file.h"
+#include "fathom/files/shade.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,7 +14,7 @@
 struct canvas {
     fathom_view view;
     uint8_t *rgb;
-    float *depth;
+    float *depth, *normals;
     float *ink;     /* how much of a pixel the line covers, 0..1 */
     uint8_t *state; /* whose colour it is */
 };
@@ -106,9 +107,9 @@ static int draw(fathom *context, const struct path *path, struct canvas *canvas)
                                  .cx = 0.5f * (WIDTH - 1),
                                  .cy = 0.5f * (HEIGHT - 1)};
     int result = overview_choose(context, path, &canvas->view);
-    if (result >= 0) result = fathom_shaded_view(context, &canvas->view, canvas->rgb);
-    if (result >= 0) result = fathom_model_maps(context, &canvas->view, canvas->depth, NULL);
+    if (result >= 0) result = fathom_model_maps(context, &canvas->view, canvas->depth, canvas->normals);
     if (result < 0) return result;
+    shade(canvas->depth, canvas->normals, (size_t)WIDTH * HEIGHT, canvas->rgb);
     /* A light rim sets the way off against dark surfaces and light ones. */
     ink_path(canvas, path, 3.2f);
     blend(canvas, white, 0.8f);
@@ -119,24 +120,22 @@ static int draw(fathom *context, const struct path *path, struct canvas *canvas)
 
 bool picture_write(fathom *context, const struct path *path, const char *file) {
     const size_t pixels = (size_t)WIDTH * HEIGHT;
-    char error[512];
     struct canvas canvas = {.rgb = malloc(3 * pixels),
                             .depth = malloc(pixels * sizeof(float)),
+                            .normals = malloc(3 * pixels * sizeof(float)),
                             .ink = calloc(pixels, sizeof(float)),
                             .state = calloc(pixels, 1)};
     int result = FATHOM_ERROR_MEMORY;
-    if (canvas.rgb && canvas.depth && canvas.ink && canvas.state) result = draw(context, path, &canvas);
+    if (canvas.rgb && canvas.depth && canvas.normals && canvas.ink && canvas.state) result = draw(context, path, &canvas);
     if (result == FATHOM_ERROR_NO_DATA)
         cli_error(CLI_FAILED, "%s: no surface to draw", file);
     else if (result < 0)
         cli_error(CLI_FAILED, "%s: %s", file, fathom_error_name(result));
-    else if (image_write_rgb8(file, canvas.rgb, WIDTH, HEIGHT, error, sizeof error)) {
-        cli_error(CLI_FAILED, "%s", error);
-        result = FATHOM_ERROR_STOPPED;
-    }
+    const bool written = result >= 0 && png_write_rgb(file, canvas.rgb, WIDTH, HEIGHT);
     free(canvas.rgb);
     free(canvas.depth);
+    free(canvas.normals);
     free(canvas.ink);
     free(canvas.state);
-    return result >= 0;
+    return written;
 }

@@ -1,6 +1,6 @@
 #include "fathom/live/live_rig.h"
 #include "fathom/shell/cli.h"
-#include "monotonic.h"
+#include "fathom/shell/clock.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -38,8 +38,8 @@ static int open_source(fathom_source **source, const char *uri, unsigned kind,
                        const struct live_options *options, struct cli_log *log) {
     const fathom_source_options how = {.kinds = kind,
                                        .reconnect = options->reconnect,
-                                       .width = kind == FATHOM_SOURCE_DEPTH ? options->width : 0,
-                                       .height = kind == FATHOM_SOURCE_DEPTH ? options->height : 0,
+                                       .width = kind == FATHOM_SOURCE_DEPTH ? options->size.width : 0,
+                                       .height = kind == FATHOM_SOURCE_DEPTH ? options->size.height : 0,
                                        .rate_hz = kind == FATHOM_SOURCE_DEPTH ? options->rate : 0,
                                        .speed = options->speed,
                                        .frame_capacity = options->frame_capacity,
@@ -202,7 +202,7 @@ void live_rig_push_until(struct live_rig *rig, int64_t stamp_ns) {
         pull_until(rig, stamp_ns);
         return;
     }
-    const struct timespec until = monotonic_timespec(monotonic_now_ns() + SAMPLES_WAIT_NS);
+    const struct timespec until = clock_timespec(clock_now_ns() + SAMPLES_WAIT_NS);
     pthread_mutex_lock(&rig->lock);
     /* Without a sample for many periods there is nothing to wait for: the sensor is silent. */
     const bool alive = rig->newest_ns > stamp_ns - 10 * rig->period_ns - SAMPLES_WAIT_NS;
@@ -216,7 +216,7 @@ void live_rig_settle(struct live_rig *rig, int64_t stamp_ns) {
         live_rig_push_until(rig, stamp_ns);
         return;
     }
-    const struct timespec until = monotonic_timespec(monotonic_now_ns() + SETTLE_NS);
+    const struct timespec until = clock_timespec(clock_now_ns() + SETTLE_NS);
     pthread_mutex_lock(&rig->lock);
     while (!rig->ended && rig->newest_ns <= stamp_ns)
         if (pthread_cond_timedwait(&rig->pushed, &rig->lock, &until)) break;

@@ -1,10 +1,11 @@
 /* fathom log: what live sources give goes into a recording folder. shell/log.c is another thing: the messages. */
+#include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/live/live_options.h"
 #include "fathom/live_recorder.h"
 #include "fathom/live/live_rig.h"
 #include "fathom/shell/log.h"
-#include "monotonic.h"
+#include "fathom/shell/clock.h"
 #include "fathom/live/rig_watch.h"
 
 #include <inttypes.h>
@@ -14,15 +15,15 @@
 #include <sys/stat.h>
 
 #define SLICE_MS 100 /* between two looks whether to end */
-#define FRAMES_KEPT                                                                                          \
-    30 /* a disk may pause for so many, and for so many samples, before the oldest are dropped */
+/* A disk may pause for as long as these last before the oldest are dropped. */
+#define FRAMES_KEPT 30
 #define SAMPLES_KEPT 16384
 #define LINE_NS 1000000000 /* between two lines of JSON */
 
 struct logging {
     struct live_options live;
     const char *folder;
-    bool force, help;
+    bool force;
     struct cli_log log;
     struct live_rig rig;
     struct rig_watch watch;
@@ -32,54 +33,6 @@ struct logging {
     int64_t line_ns;      /* when the last line of JSON was printed */
     bool drops_said;
 };
-
-/* ---- options ---- */
-
-static void help(void) {
-    printf(
-        "usage: fathom log FOLDER [options]\n\n"
-        "Records what a depth camera and an inertial sensor give into a recording folder (depth.txt,\n"
-        "depth/*.png, imu.txt, calibration.txt, rig.txt), for fathom replay.\n\n"
-        "%s"
-        "    --force                    record into a folder that isn't empty; a recording in it is removed\n"
-        "    --json                     a line of JSON a second on stdout, and one at the end\n"
-        "%s\n"
-        "The last line on stdout: frames= samples= frames_dropped= samples_dropped= bytes= seconds=\n"
-        "dropped: because the disk was too slow; seconds: from the first to the last frame.\n"
-        "Exit status: 0 done, 1 failed, 2 wrong usage or settings, 130 stopped by Ctrl-C, files whole.\n",
-        live_options_source_help, live_options_progress_help);
-}
-
-static bool take_option(struct logging *logging, struct options *options) {
-    const int taken = live_options_take(&logging->live, options);
-    if (taken) return taken > 0;
-    if (strcmp(options->name, "--force") == 0) return logging->force = options_flag(options);
-    cli_error(CLI_USAGE, "log: unknown option %s; fathom log --help lists them", options->name);
-    return false;
-}
-
-static int read_options(struct logging *logging, int argc, char **argv) {
-    struct options options = {.count = argc, .arguments = argv, .at = 1};
-    live_options_start(&logging->live);
-    logging->live.frame_capacity = FRAMES_KEPT;
-    logging->live.imu_capacity = SAMPLES_KEPT;
-    while (options_next(&options)) {
-        if (strcmp(options.name, "--help") == 0 || strcmp(options.name, "-h") == 0) {
-            help();
-            logging->help = true;
-            return CLI_DONE;
-        }
-        if (options.name[0]) {
-            if (!take_option(logging, &options)) return CLI_USAGE;
-        } else if (logging->folder || !*options.value) {
-            return cli_error(CLI_USAGE, "log: more than one folder, or an empty name");
-        } else {
-            logging->folder = options.value;
-        }
-    }
-    return logging->folder ? CLI_DONE
-                           : cli_error(CLI_USAGE, "log: no folder given; fathom log --help says more");
-}
 
 /* ---- before the first frame ---- */
 
@@ -154,7 +107,7 @@ static void say_drops(struct logging *logging) {
 }
 
 static void report(struct logging *logging) {
-    const int64_t now_ns = monotonic_now_ns();
+    const int64_t now_ns = clock_now_ns();
     rig_watch_glance(&logging->watch, &logging->rig);
     say_drops(logging);
     draw_line(logging);
@@ -183,7 +136,7 @@ static void report_end(struct logging *logging) {
 /* ---- frames ---- */
 
 static bool is_over(const struct logging *logging) {
-    return cli_interrupted() || monotonic_now_ns() >= logging->end_ns;
+    return cli_interrupted() || clock_now_ns() >= logging->end_ns;
 }
 
 /* False when there are enough, or no more can be written. */
@@ -201,7 +154,7 @@ static int take_frames(struct logging *logging) {
     fathom_source_frame frame;
     int waited = FATHOM_OK;
     bool more = true;
-    logging->end_ns = duration > 0 ? monotonic_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
+    logging->end_ns = duration > 0 ? clock_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
     while (more && !is_over(logging)) {
         waited = fathom_source_wait(depth, SLICE_MS);
         if (waited && waited != FATHOM_ERROR_TIMEOUT) break;
@@ -217,10 +170,23 @@ static int take_frames(struct logging *logging) {
     return live_rig_end(waited, &logging->log);
 }
 
-int command_log(int argc, char **argv) {
+#define AT(field) offsetof(struct logging, field)
+
+static const struct option_row own[] = {
+    {"--force", NULL, OPTION_FLAG, AT(force),
+     .help = "record into a folder that isn't empty; a recording in it is removed"},
+    {0}};
+
+static const struct option_group groups[] = {
+    {"Rig", live_options_rig, AT(live)}, {"Recording", own, 0}, {"What is said", live_options_said, AT(live)}, {0}};
+
+static int run(const struct command *command, int argc, char **argv) {
     static struct logging logging;
-    int status = read_options(&logging, argc, argv);
-    if (status || logging.help) return status;
+    live_options_start(&logging.live);
+    logging.live.frame_capacity = FRAMES_KEPT;
+    logging.live.imu_capacity = SAMPLES_KEPT;
+    int status = options_read(command, &logging, argc, argv);
+    if (status) return status;
     logging.log.verbose = logging.live.verbose;
     logging.config = fathom_config_default();
     cli_catch_interrupt();
@@ -246,3 +212,14 @@ int command_log(int argc, char **argv) {
     live_rig_close(&logging.rig);
     return status;
 }
+
+const struct command command_log = {
+    .name = "log",
+    .summary = "record what a live rig gives, for a replay",
+    .about = "Records what a depth camera and an inertial sensor give into a recording folder (depth.txt, depth/*.png, "
+             "imu.txt, calibration.txt, rig.txt), for fathom replay.",
+    .words = {{"folder", AT(folder)}},
+    .groups = groups,
+    .output = "The last line on stdout: frames= samples= frames_dropped= samples_dropped= bytes= seconds=\n"
+              "dropped: because the disk was too slow; seconds: from the first to the last frame.",
+    .run = run};

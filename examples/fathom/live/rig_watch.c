@@ -1,6 +1,6 @@
 #include "fathom/live/rig_watch.h"
 #include "fathom/shell/cli.h"
-#include "monotonic.h"
+#include "fathom/shell/clock.h"
 
 #define LOOK_NS 200000000
 
@@ -22,9 +22,9 @@ void rig_watch_look(struct rig_watch *watch, const struct live_rig *rig) {
     if (imu.state != watch->imu.state && watch->imu.state == FATHOM_SOURCE_AT_END &&
         watch->depth.state != FATHOM_SOURCE_AT_END)
         cli_warning("IMU: at its end before the depth, which goes on without");
-    watch->looked_ns = monotonic_now_ns();
+    watch->looked_ns = clock_now_ns();
 }
 
 void rig_watch_glance(struct rig_watch *watch, const struct live_rig *rig) {
-    if (monotonic_now_ns() - watch->looked_ns >= LOOK_NS) rig_watch_look(watch, rig);
+    if (clock_now_ns() - watch->looked_ns >= LOOK_NS) rig_watch_look(watch, rig);
 }

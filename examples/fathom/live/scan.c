@@ -1,11 +1,12 @@
 /* fathom scan: live sources go through the library as they come. */
 #include "fathom/files/block_store.h"
+#include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/live/live_rig.h"
 #include "fathom/shell/log.h"
-#include "monotonic.h"
+#include "fathom/shell/clock.h"
 #include "fathom/files/ply.h"
-#include "fathom/live/scan_options.h"
+#include "fathom/shell/settings.h"
 #include "fathom/live/scan_report.h"
 #include "fathom/files/stats.h"
 #include "fathom/files/trajectory.h"
@@ -17,7 +18,9 @@
 #define SLICE_MS 100 /* between two looks whether to end */
 
 struct scan {
-    struct scan_options options;
+    struct live_options live;
+    struct settings settings;
+    const char *trajectory_file, *mesh_file, *stats_file; /* to write, or NULL */
     struct cli_log log;     /* the library's, on this thread */
     struct cli_log rig_log; /* the sources', on theirs */
     struct live_rig rig;
@@ -51,7 +54,7 @@ static void override_rig(struct settings *settings) {
 }
 
 static int start_library(struct scan *scan) {
-    fathom_config *config = &scan->options.settings.config;
+    fathom_config *config = &scan->settings.config;
     config->log = log_message;
     config->log_user = &scan->log;
     log_clear(&scan->log);
@@ -66,12 +69,11 @@ static int start_library(struct scan *scan) {
 }
 
 static int open_files(struct scan *scan) {
-    struct scan_options *options = &scan->options;
-    if (options->mesh && !cli_can_write(options->mesh)) return CLI_FAILED;
-    if (options->trajectory && !trajectory_open(&scan->trajectory, options->trajectory)) return CLI_FAILED;
-    if (options->stats && !stats_open(&scan->stats, options->stats)) return CLI_FAILED;
-    if (!block_store_open(&scan->dropped, options->mesh, &options->settings.config)) return CLI_FAILED;
-    if (!scan_report_start(&scan->report, options->live.json, options->live.progress))
+    if (scan->mesh_file && !cli_can_write(scan->mesh_file)) return CLI_FAILED;
+    if (scan->trajectory_file && !trajectory_open(&scan->trajectory, scan->trajectory_file)) return CLI_FAILED;
+    if (scan->stats_file && !stats_open(&scan->stats, scan->stats_file)) return CLI_FAILED;
+    if (!block_store_open(&scan->dropped, scan->mesh_file, &scan->settings.config)) return CLI_FAILED;
+    if (!scan_report_start(&scan->report, scan->live.json, scan->live.progress))
         return cli_error(CLI_FAILED, "out of memory");
     return CLI_DONE;
 }
@@ -85,7 +87,7 @@ static void push_samples(void *context, const fathom_imu_sample *samples, int co
 static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
     fathom_result result;
     live_rig_push_until(&scan->rig, frame->depth.timestamp_ns);
-    const double latency_ms = 1e-6 * (double)(monotonic_now_ns() - frame->arrival_ns);
+    const double latency_ms = 1e-6 * (double)(clock_now_ns() - frame->arrival_ns);
     log_clear(&scan->log);
     const int stepped = fathom_step(scan->context, &frame->depth, &result);
     if (stepped == FATHOM_ERROR_TIME || stepped == FATHOM_ERROR_SIZE) {
@@ -109,15 +111,15 @@ static void keep_reckoning(struct scan *scan) {
 }
 
 static bool is_over(const struct scan *scan) {
-    const long frames = scan->options.live.frames;
-    return cli_interrupted() || monotonic_now_ns() >= scan->end_ns ||
+    const long frames = scan->live.frames;
+    return cli_interrupted() || clock_now_ns() >= scan->end_ns ||
            (frames && scan->report.frames >= frames);
 }
 
 static int take_frames(struct scan *scan) {
     int status = CLI_DONE, waited = FATHOM_OK;
-    const double duration = scan->options.live.duration;
-    scan->end_ns = duration > 0 ? monotonic_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
+    const double duration = scan->live.duration;
+    scan->end_ns = duration > 0 ? clock_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
     while (!status && !is_over(scan)) {
         fathom_source_frame frame;
         waited = fathom_source_wait(scan->rig.depth, SLICE_MS);
@@ -137,10 +139,9 @@ static int take_frames(struct scan *scan) {
 
 /* Whatever ended the frames, what was scanned until then is written. */
 static void finish(struct scan *scan) {
-    const struct scan_options *options = &scan->options;
     if (!trajectory_close(&scan->trajectory)) scan->write_failed = true;
     if (!stats_close(&scan->stats)) scan->write_failed = true;
-    if (options->mesh && !ply_write_surface(scan->context, &scan->dropped, options->mesh, &scan->log))
+    if (scan->mesh_file && !ply_write_surface(scan->context, &scan->dropped, scan->mesh_file, &scan->log))
         scan->write_failed = true;
     if (!block_store_report(&scan->dropped, scan->context)) scan->write_failed = true;
     scan_report_end(&scan->report, &scan->rig, &scan->plan);
@@ -156,19 +157,34 @@ static void clean_up(struct scan *scan) {
     scan_report_free(&scan->report);
 }
 
-int command_scan(int argc, char **argv) {
+#define AT(field) offsetof(struct scan, field)
+
+static const struct option_row files[] = {
+    {"--trajectory", "FILE", OPTION_TEXT, AT(trajectory_file), .help = "TUM lines, one for every frame"},
+    {"--mesh", "FILE.ply", OPTION_TEXT, AT(mesh_file), .help = "the surface: binary PLY, metres, with normals"},
+    {"--stats", "FILE.csv", OPTION_TEXT, AT(stats_file), .help = "a line per frame"},
+    {0}};
+
+static const struct option_group groups[] = {
+    {"Rig", live_options_rig, AT(live)},   {"Files written", files, 0}, SETTINGS_GROUPS(AT(settings)),
+    {"What is said", live_options_said, AT(live)}, {0}};
+
+static int run(const struct command *command, int argc, char **argv) {
     static struct scan scan;
-    int status = scan_options_read(&scan.options, argc, argv);
-    if (status || scan.options.help) return status;
-    scan.log.verbose = scan.rig_log.verbose = scan.options.live.verbose;
+    live_options_start(&scan.live);
+    settings_start(&scan.settings);
+    scan.settings.config.fuse_behind = true; /* the sooner the pose is known the better */
+    int status = options_read(command, &scan, argc, argv);
+    if (status) return status;
+    scan.log.verbose = scan.rig_log.verbose = scan.live.verbose;
     scan.last_ns = INT64_MIN;
     cli_catch_interrupt();
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
 
-    fathom_config *config = &scan.options.settings.config;
-    status = live_rig_open(&scan.rig, &scan.options.live, &scan.rig_log);
-    if (!status) status = live_rig_configure(&scan.rig, &scan.options.live, config, &scan.rig_log);
-    if (!status) override_rig(&scan.options.settings);
+    fathom_config *config = &scan.settings.config;
+    status = live_rig_open(&scan.rig, &scan.live, &scan.rig_log);
+    if (!status) status = live_rig_configure(&scan.rig, &scan.live, config, &scan.rig_log);
+    if (!status) override_rig(&scan.settings);
     if (!status) status = open_files(&scan);
     if (!status) status = start_library(&scan);
     if (!status)
@@ -183,3 +199,15 @@ int command_scan(int argc, char **argv) {
     clean_up(&scan);
     return status;
 }
+
+const struct command command_scan = {
+    .name = "scan",
+    .summary = "track and reconstruct what a live rig sees",
+    .about = "Tracks and reconstructs what a depth camera and an inertial sensor give, as it comes.",
+    .groups = groups,
+    .later = "--log --foxglove --allow-origin --serve --trajectory-final --trajectory-format --report --save-map "
+             "--save-every --resume --salvage --strict --flow --color --cache",
+    .output = "The last line on stdout: frames= tracked= reckoned= lost= ms_median= ms_p95= latency_ms_median= "
+              "latency_ms_p95= frames_dropped= frames_missing= samples= samples_dropped= blocks= arena_mb=\n"
+              "latency is from a frame's arrival to its step.",
+    .run = run};

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 
 #include "fathom_drivers.h"
-#include "fathom/shell/options.h"
+#include "fathom/shell/option_values.h"
 
 /* A wall, in the frame of the reference poses: all points x with normal . x = offset. */
 struct disturb_wall {

@@ -1,6 +1,7 @@
 /* fathom replay: a recording goes through the library as it would have come from the rig. */
 #include "fathom/files/block_store.h"
 #include "simulate/camera_path.h"
+#include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/replay/disturb.h"
 #include "fathom/replay/evaluate.h"
@@ -46,7 +47,7 @@ static int open_recording(struct replay *replay) {
 static int start_library(struct replay *replay) {
     const fathom_memory_plan *plan = &replay->playback.plan;
     playback_choose_voxel(replay->recording, &replay->options.settings);
-    const int status = playback_start(&replay->playback, replay->recording, replay->options.stride,
+    const int status = playback_start(&replay->playback, replay->recording, (int)replay->options.stride,
                                       &replay->options.settings.config, &replay->log);
     if (!status && replay->options.verbose)
         cli_note("on %s: %" PRId64 " bytes of host memory, %" PRId64
@@ -135,7 +136,7 @@ static int take_frame(struct replay *replay, int index) {
 }
 
 static int take_frames(struct replay *replay) {
-    const int stride = replay->options.stride, frames = replay->recording->frame_count;
+    const int stride = (int)replay->options.stride, frames = replay->recording->frame_count;
     int status = CLI_DONE;
     cli_progress_start("frames", (frames + stride - 1) / stride, replay->options.progress);
     for (int i = 0; i < frames && !status && !cli_interrupted(); i += stride) status = take_frame(replay, i);
@@ -224,10 +225,10 @@ static void clean_up(struct replay *replay) {
     free(replay->ms);
 }
 
-int command_replay(int argc, char **argv) {
+static int run(const struct command *command, int argc, char **argv) {
     struct replay replay = {0};
-    int status = replay_options_read(&replay.options, argc, argv);
-    if (status || replay.options.help) return status;
+    int status = replay_options_read(&replay.options, command, argc, argv);
+    if (status) return status;
     replay.log.verbose = replay.options.verbose;
     cli_catch_interrupt();
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
@@ -246,3 +247,14 @@ int command_replay(int argc, char **argv) {
     clean_up(&replay);
     return status;
 }
+
+const struct command command_replay = {
+    .name = "replay",
+    .summary = "track and reconstruct a recording",
+    .about = "Tracks and reconstructs a recording folder (TUM RGB-D / ETH3D layout).",
+    .words = {{"folder", offsetof(struct replay_options, folder)}},
+    .groups = replay_groups,
+    .later = "--trajectory-final --trajectory-format --report --json --save-map --save-every --resume --salvage --strict "
+             "--flow --color --depth-topic --imu-topic --color-topic --follow --first --cache",
+    .output = "The last line on stdout: frames= tracked= reckoned= lost= ate_rmse_m= ms_median= ms_p95= blocks= arena_mb=",
+    .run = run};

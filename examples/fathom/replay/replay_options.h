@@ -2,20 +2,22 @@
 #ifndef FATHOM_CLI_REPLAY_OPTIONS_H
 #define FATHOM_CLI_REPLAY_OPTIONS_H
 
+#include "fathom/shell/option_values.h"
 #include "fathom/shell/settings.h"
 
 struct replay_options {
     const char *folder;
     const char *trajectory, *mesh, *stats, *picture; /* files to write, or NULL */
     const char *imu;                                 /* instead of imu.txt; "": none; NULL: imu.txt */
-    int stride;                                      /* 1: every frame */
+    long stride;                                     /* 1: every frame */
     struct frame_ranges outages, walls, cards;
     bool progress, verbose;
-    bool help; /* help was asked for and printed: nothing else to do */
     struct settings settings;
 };
 
-/* Returns CLI_DONE, or CLI_USAGE after saying what was wrong. */
-int replay_options_read(struct replay_options *options, int argc, char **argv);
+/* As options_read, from the defaults on. */
+int replay_options_read(struct replay_options *options, const struct command *command, int argc, char **argv);
+
+extern const struct option_group replay_groups[];
 
 #endif

@@ -6,22 +6,12 @@
 #include <stdint.h>
 
 enum {
-    CLI_DONE = 0,         /* it worked */
-    CLI_FAILED = 1,       /* it failed; one line on stderr said what and where */
-    CLI_USAGE = 2,        /* wrong usage or settings */
-    CLI_INTERRUPTED = 130 /* stopped by Ctrl-C, files whole */
+    CLI_DONE = 0,          /* it worked */
+    CLI_FAILED = 1,        /* it failed; one line on stderr said what and where */
+    CLI_USAGE = 2,         /* wrong usage or settings */
+    CLI_INTERRUPTED = 130, /* stopped by Ctrl-C, files whole */
+    CLI_HELPED = 256       /* no exit status: help was asked for and printed, nothing else is to be done */
 };
-
-/* The commands: argv[0] is the command's own name. They return an exit status. */
-int command_replay(int argc, char **argv);
-int command_simulate(int argc, char **argv);
-int command_calibrate(int argc, char **argv);
-int command_info(int argc, char **argv);
-int command_kernels(int argc, char **argv);
-int command_selftest(int argc, char **argv);
-int command_scan(int argc, char **argv);
-int command_log(int argc, char **argv);
-int command_devices(int argc, char **argv);
 
 /* Prints "fathom: " and the text as one line on stderr. Returns status, so that `return cli_error(CLI_FAILED, ...)` reads well. */
 int cli_error(int status, const char *format, ...) __attribute__((format(printf, 2, 3)));

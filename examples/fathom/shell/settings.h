@@ -1,8 +1,6 @@
-/* The options that settle a fathom_config; replay and info share them. */
+/* The options that settle a fathom_config; all commands that take settings share them. */
 #ifndef FATHOM_CLI_SETTINGS_H
 #define FATHOM_CLI_SETTINGS_H
-
-#include <stdbool.h>
 
 #include "fathom.h"
 #include "fathom/shell/options.h"
@@ -18,11 +16,13 @@ struct settings {
 
 void settings_start(struct settings *settings);
 
-/* Takes the present option if it is one of these: 1. 0: it is none of them. -1: it is wrong, and that was
- * said. */
-int settings_take(struct settings *settings, struct options *options);
+/* Their tables, for structs settings. */
+extern const struct option_row settings_camera[], settings_alignment[], settings_surface[], settings_device[];
 
-/* Their lines of the help. */
-extern const char settings_help[];
+/* The groups of them in a command whose struct has its settings at `at`. */
+#define SETTINGS_GROUPS(at)                                                                                            \
+    {"Depth camera", settings_camera, at}, {"Alignment", settings_alignment, at}, {"Surface", settings_surface, at}, { \
+        "OpenCL device", settings_device, at                                                                           \
+    }
 
 #endif
