@@ -41,19 +41,18 @@ ${CC:-cc} -std=c11 -Wall -Wextra -o "$work/small_scan" -I"$root/lib" "$root/test
     -lOpenCL -lstdc++ -lpthread -lm >"$work/out" 2>&1
 check "a small scan is built" "$work/out"
 
-# scan TEXT STATES WIDTH HEIGHT FRAMES [OCLGRIND_OPTION]: what its frames must become, and nothing for Oclgrind to find.
+# scan TEXT STATES WIDTH HEIGHT FRAMES: what its frames must become, and nothing for Oclgrind to find.
 scan() {
     text="a scan of $3x$4, $1" states=$2
     rm -f "$work/log"
-    # shellcheck disable=SC2086
-    XDG_CACHE_HOME="$work" timeout 300 oclgrind --check-api ${6-} --max-errors 100 --log "$work/log" \
+    XDG_CACHE_HOME="$work" timeout 300 oclgrind --check-api --data-races --max-errors 100 --log "$work/log" \
         "$work/small_scan" "$3" "$4" "$5" >"$work/out" 2>&1 && grep -qx "$states" "$work/out"
     check "$text: it goes as it should" "$work/out"
     clean "$work/log"
     check "$text: no invalid access, no data race, no wrong API call" "$work/faults"
 }
 
-scan "tracked and blank frames" "first fused, tracked fused, reckoned" 64 48 ssb --data-races
+scan "tracked and blank frames" "first fused, tracked fused, reckoned" 64 48 ssb
 scan "a frame that is looked for in vain" "first fused, reckoned searched" 64 48 se
 scan "tracked and blank frames" "first fused, tracked fused, reckoned" 160 120 ssb
 
