@@ -12,7 +12,7 @@ const char *const shim_names[SHIM_KINDS] = {
     "clFlush",
 };
 
-static int counts[SHIM_KINDS], failing, nth, later;
+static int counts[SHIM_KINDS], failing = SHIM_KINDS, nth, later;
 static bool has_failed;
 
 void shim_start(void) {
