@@ -18,6 +18,7 @@ static void close_parts(fathom *f) {
 
 static void start_over(fathom *f) {
     volume_clear(&f->volume, &f->device);
+    if (f->device.error != FATHOM_OK) return;
     inertial_drain(&f->inertial);
     inertial_reset(&f->inertial);
     pose_take(&f->config.first_pose, &f->pose);
