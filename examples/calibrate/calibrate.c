@@ -72,7 +72,7 @@ static int take_frame(struct calibrate *c, struct playback *playback, const fath
     playback_push_imu(playback, rig, index);
     const fathom_depth_frame frame = {rig->frames[index].timestamp_ns, c->pixels, rig->width, rig->height};
     fathom_result result;
-    const int stepped = fathom_step(playback->scan, &frame, &result);
+    const int stepped = fathom_step(playback->library.scan, &frame, &result);
     if (stepped < 0) return cli_error(CLI_FAILED, "frame %d: %s", index, log_reason(&c->log, stepped));
     struct path_point *point = &c->path.points[c->path.count++];
     point->timestamp_ns = frame.timestamp_ns;

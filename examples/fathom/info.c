@@ -3,7 +3,7 @@
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
-#include "fathom/shell/log.h"
+#include "fathom/shell/library.h"
 #include "fathom/shell/settings.h"
 
 #include <CL/cl.h>
@@ -60,9 +60,7 @@ static int print_plan(const struct settings *settings, struct cli_log *log) {
     fathom_memory_plan plan;
     const int result = fathom_memory_plan_for(&settings->config, &plan);
     if (result < 0)
-        return cli_error(result == FATHOM_ERROR_CONFIG || result == FATHOM_ERROR_MEMORY ? CLI_USAGE
-                                                                                        : CLI_FAILED,
-                         "%s", log_reason(log, result));
+        return cli_error(library_status(result), "%s", log_reason(log, result));
     printf("plan: %s\n", plan.device);
     printf("    depth %dx%d, maps %dx%d, voxel %g m\n", settings->config.depth_width,
            settings->config.depth_height, plan.align_width, plan.align_height,
