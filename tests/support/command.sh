@@ -3,6 +3,7 @@
 . "$(dirname "$0")/../support/tap.sh"
 build=$(cd "${1:?usage: sh $0 BUILD_DIR}" && pwd) || exit 1
 fathom=$build/fathom
+[ -x "$fathom" ] || { echo "Bail out! $fathom isn't built"; exit 1; }
 root=$(cd "$(dirname "$0")/../.." && pwd)
 data=$root/../shared/data
 work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-$(basename "$0" .sh)-XXXXXX") || exit 1
