@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "api/settings.h"
-#include "api/context.h"
+#include "context.h"
 #include "api/warm_up.h"
 #include "base/log.h"
 #include "base/stamps.h"
@@ -57,11 +57,11 @@ const char *fathom_imu_health_name(fathom_imu_health health) {
 /* Lays all parts out: only counts while the device isn't open and the arena has no base. */
 static void layout(fathom *f, arena *a, int blocks) {
     depth_maps_init(&f->maps, &f->device, a, &f->config);
-    aligner_init(&f->aligner, &f->device, a, &f->config, &f->maps);
     surface_init(&f->surface, &f->device, a, &f->maps);
-    model_view_init(&f->view, &f->device, a, &f->config, &f->maps);
     inertial_init(&f->inertial, a, &f->config);
     whole_mesh_init(&f->patch, &f->device, a, &f->config);
+    tracker_init(&f->tracker, &f->device, a, &f->config, &f->maps, &f->volume, &f->inertial);
+    fusing_init(&f->fusing, &f->device, &f->config, &f->maps, &f->volume);
     volume_init(&f->volume, &f->device, a, &f->config, &f->maps, blocks);
 }
 
@@ -125,8 +125,7 @@ static void close_parts(fathom *f) {
     volume_close(&f->volume);
     whole_mesh_close(&f->patch);
     surface_close(&f->surface);
-    model_view_close(&f->view);
-    aligner_close(&f->aligner);
+    tracker_close(&f->tracker);
     depth_maps_close(&f->maps);
     device_close(&f->device);
 }
@@ -139,9 +138,7 @@ static void start_over(fathom *f) {
     memset(f->covariance, 0, sizeof f->covariance);
     f->timestamp_ns = INT64_MIN;
     f->started = f->said_full = false;
-    f->cast_coarsest = FATHOM_LEVELS;
-    f->drawn = 0;
-    f->missed = 0;
+    tracker_reset(&f->tracker);
     memset(&f->result, 0, sizeof f->result);
     f->result.state = FATHOM_RECKONED;
     f->result.verdict = FATHOM_VERDICT_NO_DEPTH;

@@ -9,8 +9,8 @@ void warm_up(fathom *f) {
     device_clear(d, &f->maps.raw);
     depth_maps_compute(&f->maps, d, 0);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
-        depth_maps_pack(&f->maps, d, i, &f->aligner.model[i]);
-        align_reduce(&f->aligner, d, &f->maps, i, &here, &f->aligner.model[i], &f->maps.camera[i], 0.1, 0.01,
+        depth_maps_pack(&f->maps, d, i, &f->tracker.models.level[i]);
+        align_reduce(&f->tracker.aligner, d, &f->maps, i, &here, &f->tracker.models.level[i], &f->maps.camera[i], 0.1, 0.01,
                      centre, &e);
     }
     /* a block in front of the camera */
@@ -20,10 +20,10 @@ void warm_up(fathom *f) {
     volume_clear_blocks(v, d, 0, 1);
     v->count = 1;
     volume_fuse(v, d, &f->maps, &here, false);
-    volume_raycast_near(v, d, &f->maps, &here, 0.1f, true, &f->aligner.model[FINEST]);
-    volume_halve_maps(v, d, f->maps.camera, f->aligner.model, 0);
-    model_view_cast(&f->view, d, v, &here);
-    model_view_cast_wide(&f->view, d, v, &here);
+    volume_raycast_near(v, d, &f->maps, &here, 0.1f, true, &f->tracker.models.level[FINEST]);
+    volume_halve_maps(v, d, f->maps.camera, f->tracker.models.level, 0);
+    model_view_cast(&f->tracker.view, d, v, &here);
+    model_view_cast_wide(&f->tracker.view, d, v, &here);
     surface_warm_up(&f->surface, d, v);
     device_wait(d);
     volume_clear(v, d);

@@ -15,7 +15,12 @@ void inertial_rig_reset(inertial *n) {
 /* From here on the rig is another, for the samples at hand as well. */
 static void apply(inertial *n, const double mounting[3], double offset) {
     samples_remount(&n->samples, mounting, llround(1e9 * offset));
-    if (n->running) navigator_turn_imu(&n->state, mounting);
+    if (!n->running) return;
+    navigator_turn_imu(&n->now.state, mounting);
+    for (int i = 0; i < n->past.count; i++) {
+        navigator_turn_imu(&timeline_at(&n->past, i)->after.state, mounting);
+        measurement_turn_imu(&timeline_at(&n->past, i)->by, mounting);
+    }
 }
 
 void inertial_rig_add(inertial *n, const rig_interval *i, const pose *aligned, int64_t timestamp_ns) {

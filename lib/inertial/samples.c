@@ -175,14 +175,9 @@ void samples_follow_clock(imu_samples *s, int64_t frame_ns) {
               -1e-9 * (double)add);
 }
 
-static void turn(const double r[9], double v[3]) {
-    const double a[3] = {v[0], v[1], v[2]};
-    for (int i = 0; i < 3; i++) v[i] = r[3 * i] * a[0] + r[3 * i + 1] * a[1] + r[3 * i + 2] * a[2];
-}
-
 static void change(inertial_sample *s, const double r[9], int64_t later_ns) {
-    turn(r, s->gyro);
-    turn(r, s->accel);
+    so3_apply(r, s->gyro, s->gyro);
+    so3_apply(r, s->accel, s->accel);
     s->timestamp_ns += later_ns;
 }
 
@@ -196,7 +191,7 @@ void samples_remount(imu_samples *s, const double mounting[3], int64_t later_ns)
     s->refined_ns += later_ns;
     for (unsigned i = 0; i < s->count; i++) change(sample_at(s, i), r, later_ns);
     change(&s->doubt, r, later_ns);
-    turn(r, s->still.gyro_bias);
+    so3_apply(r, s->still.gyro_bias, s->still.gyro_bias);
     stillness_end(&s->still);
 }
 

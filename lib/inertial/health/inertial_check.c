@@ -162,7 +162,7 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
     if (!c->imu_check) return;
     if (aligned) add_evidence(n, aligned, timestamp_ns);
     if (accepted) {
-        pose now = n->corrected;
+        pose now = n->now.corrected;
         n->moving = n->accepted_ns != INT64_MIN;
         double dt = n->moving ? 1e-9 * (double)(timestamp_ns - n->accepted_ns) : 1;
         for (int k = 0; k < 3; k++) n->velocity[k] = (now.t[k] - n->accepted.t[k]) / dt;
@@ -188,7 +188,7 @@ bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, 
         timestamp_ns - n->accepted_ns > GUESS_NS)
         return false;
     double dt = 1e-9 * (double)(timestamp_ns - n->accepted_ns), twist[6] = {0};
-    for (int k = 0; n->moving && k < 3; k++) twist[k] = n->turning[k] * dt;
+    for (int k = 0; n->moving && k < 3; k++) twist[k] = n->now.turning[k] * dt;
     pose turned = pose_exp(twist);
     *guess = pose_multiply(&n->accepted, &turned);
     for (int k = 0; n->moving && k < 3; k++) guess->t[k] += n->velocity[k] * dt;

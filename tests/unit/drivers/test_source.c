@@ -18,6 +18,7 @@
 #include "fathom_drivers.h"
 #include "recording/image_file.h"
 #include "monotonic.h"
+#include "source_contract.h"
 #include "source_queue.h"
 
 #define WIDTH 32
@@ -264,6 +265,25 @@ static void the_oldest_gives_way_and_is_counted(void **state) {
     assert_int_equal(status.state, FATHOM_SOURCE_RUNNING);
     source_queue_stop(&queue);
     assert_int_equal(source_queue_wait(&queue, 10), FATHOM_ERROR_ARGUMENT); /* not started */
+    source_queue_free(&queue);
+}
+
+/* The reader gives back a slot of a lower number meanwhile. */
+static void the_slot_to_fill_is_the_same_until_it_is_pushed(void **state) {
+    (void)state;
+    fathom_source_frame frame;
+    assert_int_equal(source_queue_make(&queue, 0, 2, WIDTH, HEIGHT, false), FATHOM_OK);
+    source_queue_start(&queue);
+    push_frame(0);
+    push_frame(1);
+    assert_int_equal(source_queue_read_depth(&queue, &frame), FATHOM_OK);
+    source_slot *slot = source_queue_next_frame(&queue);
+    assert_ptr_equal(source_queue_next_frame(&queue), slot);
+    assert_int_equal(source_queue_read_depth(&queue, &frame), FATHOM_OK);
+    assert_ptr_equal(source_queue_next_frame(&queue), slot);
+    source_queue_push_frame(&queue, slot);
+    assert_ptr_not_equal(source_queue_next_frame(&queue), slot);
+    source_queue_stop(&queue);
     source_queue_free(&queue);
 }
 
@@ -552,6 +572,11 @@ static void a_damaged_frame_is_counted(void **state) {
     fathom_source_close(source);
 }
 
+static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
+    (void)state;
+    check_source_contract(folder, NULL);
+}
+
 /* Stopped and closed at any moment. */
 static void it_can_be_closed_at_any_time(void **state) {
     (void)state;
@@ -573,6 +598,7 @@ int main(void) {
         cmocka_unit_test(null_sources_are_refused),
         cmocka_unit_test(every_driver_is_named),
         cmocka_unit_test(the_oldest_gives_way_and_is_counted),
+        cmocka_unit_test(the_slot_to_fill_is_the_same_until_it_is_pushed),
         cmocka_unit_test(what_is_left_is_read_before_the_end),
         cmocka_unit_test(a_device_that_comes_back),
         cmocka_unit_test(silence_is_a_stall),
@@ -582,6 +608,7 @@ int main(void) {
         cmocka_unit_test_setup(at_a_pace_it_takes_its_time, clear_log),
         cmocka_unit_test_setup(at_a_pace_a_slow_reader_loses_frames, clear_log),
         cmocka_unit_test_setup(one_kind_only, clear_log),
+        cmocka_unit_test_setup(a_second_start_is_refused_and_the_source_goes_on, clear_log),
         cmocka_unit_test_setup(it_can_be_closed_at_any_time, clear_log),
         cmocka_unit_test_setup(a_damaged_frame_is_counted, clear_log),
     };

@@ -18,6 +18,7 @@
 #include "fathom_drivers.h"
 #include "monotonic.h"
 #include "imu/udp_lines.h"
+#include "source_contract.h"
 
 /* ---- lines ---- */
 
@@ -386,6 +387,26 @@ static void enumerating_names_this_machines_addresses(void **state) {
     assert_int_equal(remarks, 1);
 }
 
+static int calling;
+
+static void call(void) {
+    static int n;
+    char text[64];
+    snprintf(text, sizeof text, "%d.5, 3, 1, 2, 3, 4, 1, 2, 3", n++);
+    if (send(calling, text, strlen(text), 0) < 0) { /* nobody listens yet */
+    }
+}
+
+static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
+    (void)state;
+    char uri[64];
+    port = free_port();
+    calling = phone();
+    snprintf(uri, sizeof uri, "udp:127.0.0.1:%d", port);
+    check_source_contract(uri, call);
+    close(calling);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(comma_separated_lines),
@@ -398,6 +419,7 @@ int main(void) {
         cmocka_unit_test(one_phone_at_a_time),
         cmocka_unit_test(waiting_can_be_cancelled_and_begun_again),
         cmocka_unit_test(uris_that_are_wrong),
+        cmocka_unit_test(a_second_start_is_refused_and_the_source_goes_on),
         cmocka_unit_test(enumerating_names_this_machines_addresses),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -348,10 +348,10 @@ static void absurd_stamps_stay_finite(void **state) {
                 const pose origin = pose_identity();
                 inertial_advance(&n, stamps[5 - i]);
                 inertial_correct(&n, &origin, NULL, NULL, stamps[i]);
-                for (int k = 0; k < 9; k++) assert_true(isfinite(n.state.r[k]));
-                for (int k = 0; k < 3; k++) assert_true(isfinite(n.state.p[k]) && isfinite(n.state.v[k]));
+                for (int k = 0; k < 9; k++) assert_true(isfinite(n.now.state.r[k]));
+                for (int k = 0; k < 3; k++) assert_true(isfinite(n.now.state.p[k]) && isfinite(n.now.state.v[k]));
                 for (int k = 0; k < NAVIGATOR_STATES * NAVIGATOR_STATES; k++)
-                    assert_true(isfinite(n.state.covariance[k]));
+                    assert_true(isfinite(n.now.state.covariance[k]));
             }
         }
 }

@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "fathom/files/block_store.h"
-#include "api/context.h"
+#include "context.h"
 #include "map/eviction.h"
 #include "synthetic.h"
 
