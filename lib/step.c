@@ -54,7 +54,7 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
         move(f, &seed.mean, seed.covariance);
     }
 
-    bool lost = covariance_position_sigma(f->covariance) > f->config.lost_sigma_m;
+    bool lost = covariance_position_sigma(f->covariance) > f->config.max_reckoned_sigma_m;
     r->state = tracking ? FATHOM_TRACKED : lost ? FATHOM_LOST : FATHOM_RECKONED;
     if (tracking || icp.verdict == FATHOM_VERDICT_UNCERTAIN)
         inertial_correct(&f->inertial, &f->pose, icp.icp.information, icp.icp.pull, scan->timestamp_ns);

@@ -28,7 +28,7 @@ void aligner_close(aligner *a) {
 /* Pairs further apart than this are rejected; twice as far at each coarser level. */
 static double pair_distance(const aligner *a, int level, double position_sigma_m) {
     double sigma = fmin(position_sigma_m, MOST_SIGMA_M);
-    return fmax(a->config->pair_distance_m, 3 * sigma) * (1 << (FINEST - level));
+    return fmax(a->config->max_pair_distance_m, 3 * sigma) * (1 << (FINEST - level));
 }
 
 float align_reach(const aligner *a, int coarsest, double position_sigma_m) {
@@ -41,7 +41,7 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
     const fathom_config *c = a->config;
     const kernel_camera *camera = &maps->camera[level];
     kernel_pair_limits limits = {
-        (cl_float)(distance * distance), cosf(c->pair_angle_rad), (cl_float)huber_m, {{0}}};
+        (cl_float)(distance * distance), cosf(c->max_pair_angle_rad), (cl_float)huber_m, {{0}}};
     for (int i = 0; i < 3; i++) limits.centre.s[i] = (cl_float)centre[i];
     kernel_rigid rigid = kernel_rigid_of(motion);
     RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group,
@@ -140,8 +140,8 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             }
 
             bool small =
-                pose_angle(&update) < c->stop_rotation_rad && pose_distance(&update) < c->stop_translation_m;
-            bool level_error = last_error - error < c->stop_error_fall * last_error;
+                pose_angle(&update) < c->min_update_rad && pose_distance(&update) < c->min_update_m;
+            bool level_error = last_error - error < c->min_error_decrease * last_error;
             last_error = error;
             if (small || level_error) break;
         }

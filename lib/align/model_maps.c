@@ -27,8 +27,8 @@ void model_maps_forget(model_maps *m) {
 
 bool model_maps_hold(const model_maps *m, const pose *from, int coarsest) {
     pose way = pose_between(&m->seen_from, from);
-    return m->coarsest <= coarsest && pose_distance(&way) < m->config->keep_model_m &&
-           pose_angle(&way) < m->config->keep_model_rad;
+    return m->coarsest <= coarsest && pose_distance(&way) < m->config->max_model_reuse_m &&
+           pose_angle(&way) < m->config->max_model_reuse_rad;
 }
 
 void model_maps_renew(model_maps *m, const pose *from, int coarsest) {

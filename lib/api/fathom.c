@@ -84,17 +84,17 @@ static int make_plan(fathom *f, const fathom_config *config, fathom_memory_plan 
     f->config = *config;
     if (e == FATHOM_OK) e = device_choose(&f->device, &f->config);
     if (e != FATHOM_OK) return e;
-    int blocks = config->blocks;
+    int blocks = config->max_blocks;
     int64_t device_bytes, fixed = bytes_with(f, 1, &device_bytes) + device_bytes;
     if (blocks == 0) {
-        int64_t room = (config->memory_cap_bytes - fixed) / (int64_t)volume_block_cost();
+        int64_t room = (config->max_memory_bytes - fixed) / (int64_t)volume_block_cost();
         blocks = (int)(room < CONFIG_BLOCKS_MOST ? room : CONFIG_BLOCKS_MOST);
     }
     int64_t host_bytes = bytes_with(f, blocks > 0 ? blocks : 1, &device_bytes);
-    if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->memory_cap_bytes) {
+    if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->max_memory_bytes) {
         log_write(config, FATHOM_LOG_ERROR,
-                  "memory_cap_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
-                  (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576,
+                  "max_memory_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
+                  (double)config->max_memory_bytes / 1048576, (double)fixed / 1048576,
                   blocks > CONFIG_BLOCKS_LEAST ? blocks : CONFIG_BLOCKS_LEAST);
         return FATHOM_ERROR_MEMORY;
     }

@@ -8,8 +8,8 @@ void inertial_rig_reset(inertial *n) {
     const fathom_config *c = n->config;
     n->refined_at_ns = INT64_MIN;
     n->awaiting = false;
-    rig_refiner_start(&n->refiner, c->rig_rotation_sigma, 1e-9 * (double)c->rig_clock_sigma_ns,
-                      c->gyro_bias_sigma);
+    rig_refiner_start(&n->refiner, c->rig_rotation_sigma_rad, 1e-9 * (double)c->rig_clock_sigma_ns,
+                      c->gyro_bias_sigma_rad_s);
 }
 
 /* From here on the rig is another, for the samples at hand as well. */

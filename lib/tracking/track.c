@@ -72,7 +72,7 @@ static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m
 /* The scan with the surface, or with the last accepted frame. Start, prior and result: camera to world. */
 static void align_scan(tracker *t, const pose *start, const align_prior *prior, bool seeded, alignment *icp) {
     const fathom_config *c = t->config;
-    const int *budget = seeded ? c->seeded_iterations : c->iterations;
+    const int *budget = seeded ? c->max_seeded_iterations : c->max_iterations;
     model_maps *m = &t->models;
     double began = now_ms();
     int coarsest = 0;
@@ -159,7 +159,7 @@ bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, 
         leave(t, &seed->mean, icp);
         return false;
     }
-    bool seeded = covariance_position_sigma(seed->covariance) < t->config->seeded_sigma_m;
+    bool seeded = covariance_position_sigma(seed->covariance) < t->config->max_seed_sigma_m;
     track_attempt(t, &seed->mean, seed, seeded, icp);
     if (seeded && worth_another_try(icp->verdict)) track_attempt(t, &seed->mean, seed, false, icp);
     second_attempt(t, &seed->mean, scan->timestamp_ns, icp);

@@ -38,7 +38,7 @@ void tracker_reset(tracker *t);
 /* Figure 2's line. The frame's maps are made; seed: M * d. True where *icp is to be trusted. Waits for the device. */
 bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, attempt *icp);
 
-/* One attempt: aligns from a start, and judges. seeded: with seeded_iterations. The frame is that of the last track(). */
+/* One attempt: aligns from a start, and judges. seeded: with max_seeded_iterations. The frame is that of the last track(). */
 void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool seeded, attempt *a);
 
 /* What became of the frame decides how hard the next one is looked for. */

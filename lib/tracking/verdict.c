@@ -60,15 +60,15 @@ void measure_innovation(const fathom_config *c, const align_prior *prior, attemp
     pose_log(&correction, twist);
     memcpy(gate, prior->covariance, sizeof gate);
     for (int i = 0; i < 6; i++)
-        gate[7 * i] += i < 3 ? c->seed_floor_rad * c->seed_floor_rad : c->seed_floor_m * c->seed_floor_m;
+        gate[7 * i] += i < 3 ? c->seed_noise_rad * c->seed_noise_rad : c->seed_noise_m * c->seed_noise_m;
     a->rotation_rad = pose_angle(&correction);
     a->translation_m = pose_distance(&correction);
     a->innovation = covariance_mahalanobis(gate, twist);
 }
 
 bool evident(const fathom_config *c, double valid, const attempt *a) {
-    return a->seeded && a->icp.pairs >= c->evident_pairs * valid * a->icp.pixels &&
-           a->innovation <= c->evident_sigmas;
+    return a->seeded && a->icp.pairs >= c->min_evident_fraction * valid * a->icp.pixels &&
+           a->innovation <= c->max_evident_sigmas;
 }
 
 void judge(const fathom_config *c, model_view *view, device *d, depth_maps *maps, volume *v,
@@ -78,7 +78,7 @@ void judge(const fathom_config *c, model_view *view, device *d, depth_maps *maps
     a->verdict = judge_alignment(c, &a->icp, a->innovation);
     if (a->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident(c, valid, a)) {
         comparison k;
-        model_view_compare(view, d, maps, v, &a->icp.motion, c->agreement_m + c->voxel_m, &k);
+        model_view_compare(view, d, maps, v, &a->icp.motion, c->agreement_tolerance_m + c->voxel_m, &k);
         a->agreement = k.visible > 0 ? k.agree / k.visible : 0;
         a->see_through = k.visible > 0 ? k.through / k.visible : 0;
         a->verdict = judge_view(c, &k);

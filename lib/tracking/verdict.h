@@ -9,7 +9,7 @@
 typedef struct {
     alignment icp; /* its motion: camera to world */
     fathom_verdict verdict;
-    bool seeded;                       /* from a seed good enough for seeded_iterations */
+    bool seeded;                       /* from a seed good enough for max_seeded_iterations */
     bool searched;                     /* from a place that relocalisation proposed */
     double rotation_rad, translation_m; /* from the prior's mean to the result */
     double innovation;                 /* the same in sigmas of the prior */

@@ -19,7 +19,7 @@
 void inertial_check_reset(inertial *n) {
     n->usable = n->config->imu;
     n->force_usable = n->config->imu_translation;
-    plausibility_start(&n->check, n->samples.rotation, n->config->gravity);
+    plausibility_start(&n->check, n->samples.rotation, n->config->gravity_m_s2);
     n->told[0] = n->told[1] = FATHOM_IMU_UNCHECKED;
     n->base_ns = n->accepted_ns = INT64_MIN;
     n->moving = false;
@@ -194,11 +194,11 @@ bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, 
     for (int k = 0; n->moving && k < 3; k++) guess->t[k] += n->velocity[k] * dt;
     pose apart = pose_between(seed, guess);
     if (pose_angle(&apart) < SAME_RAD && pose_distance(&apart) < SAME_M) return false;
-    double turning = n->moving ? c->motion_turn_sigma * dt : START_TURN; /* what the rates may be off by */
-    double speed = n->moving ? c->motion_accel_sigma * dt : START_SPEED;
+    double turning = n->moving ? c->motion_sigma_rad_s2 * dt : START_TURN; /* what the rates may be off by */
+    double speed = n->moving ? c->motion_sigma_m_s2 * dt : START_SPEED;
     memset(covariance, 0, 36 * sizeof *covariance);
     for (int k = 0; k < 6; k++)
-        covariance[7 * k] = k < 3 ? pow(c->seed_floor_rad, 2) + pow(turning * dt, 2)
-                                  : pow(c->seed_floor_m, 2) + pow(speed * dt, 2);
+        covariance[7 * k] = k < 3 ? pow(c->seed_noise_rad, 2) + pow(turning * dt, 2)
+                                  : pow(c->seed_noise_m, 2) + pow(speed * dt, 2);
     return true;
 }

@@ -131,7 +131,7 @@ static int print_digest(const char *name) {
     c.cx = 79.5f;
     c.cy = 59.5f;
     c.voxel_m = 0.02f;
-    c.blocks = 4000;
+    c.max_blocks = 4000;
     c.device = name;
     c.imu = false;
     c.log = to_stderr;

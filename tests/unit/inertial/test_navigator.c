@@ -494,7 +494,7 @@ static void a_slow_imu_that_dies_is_noticed(void **state) {
                   "later %.3f\n",
                   with, without, before, grown);
     assert_true(without > 1.1 * with);
-    assert_true(grown > 0.5 * config.motion_accel_sigma * sqrt(0.2));
+    assert_true(grown > 0.5 * config.motion_sigma_m_s2 * sqrt(0.2));
 }
 
 int main(void) {
