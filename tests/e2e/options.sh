@@ -68,7 +68,8 @@ wrong '\--clean takes no value' simulate room r --clean=yes
 wrong "'4' is none of on|off" replay r --refine-rig 4
 wrong 'one word too many' simulate room r s
 wrong 'no scene given' simulate
-wrong 'unknown command' play r
+wrong "unknown command 'play'; fathom" play r
+wrong "did you mean replay?" repaly r
 wrong 'no command given'
 wrong 'give the shell' --completion fish
 # Each of these is a later version's, and says so.
