@@ -16,8 +16,8 @@ static int save(fathom_config *config, const char *file, struct cli_log *log) {
         if (saved < 0) status = cli_error(CLI_FAILED, "%s: %s", file, log_reason(log, saved));
     }
     if (!status)
-        printf("%s: kernels for %s, depth %dx%d, maps %dx%d\n", file, plan->device, config->depth_width,
-               config->depth_height, plan->align_width, plan->align_height);
+        printf("%s: kernels for %s, depth %dx%d, maps %dx%d\n", file, plan->device, config->depth_camera.width,
+               config->depth_camera.height, plan->align_width, plan->align_height);
     library_stop(&library);
     return status;
 }
@@ -46,8 +46,8 @@ static int run(const struct command *command, int argc, char **argv) {
     struct cli_log log = {.verbose = kernels.verbose};
     fathom_config *config = &kernels.settings.config;
     if (kernels.depth.width) {
-        config->depth_width = kernels.depth.width;
-        config->depth_height = kernels.depth.height;
+        config->depth_camera.width = kernels.depth.width;
+        config->depth_camera.height = kernels.depth.height;
     }
     return save(config, kernels.file, &log);
 }

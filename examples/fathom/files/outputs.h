@@ -9,8 +9,8 @@
 #include "fathom/shell/options.h"
 
 struct outputs {
-    const char *trajectory_file, *mesh_file, *stats_file; /* as the options have them; NULL: not wanted */
-    struct trajectory trajectory;
+    const char *trajectory_file, *odometry_file, *mesh_file, *stats_file; /* as the options have them; NULL: not wanted */
+    struct trajectory trajectory, odometry;
     struct stats stats;
     struct block_store dropped;
     bool failed; /* some file couldn't be written, and that was said; the others go on */

@@ -33,10 +33,10 @@ static void override_rig(struct settings *settings) {
     fathom_config *config = &settings->config;
     if (settings->depth_scale > 0) config->depth_units_per_metre = (float)settings->depth_scale;
     if (settings->intrinsics[0] > 0) {
-        config->fx = (float)settings->intrinsics[0];
-        config->fy = (float)settings->intrinsics[1];
-        config->cx = (float)settings->intrinsics[2];
-        config->cy = (float)settings->intrinsics[3];
+        config->depth_camera.fx = settings->intrinsics[0];
+        config->depth_camera.fy = settings->intrinsics[1];
+        config->depth_camera.cx = settings->intrinsics[2];
+        config->depth_camera.cy = settings->intrinsics[3];
     }
 }
 
@@ -47,7 +47,7 @@ static void push_samples(void *context, const fathom_imu_sample *samples, int co
 /* ---- frames ---- */
 
 static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
-    fathom_result result;
+    fathom_result result = FATHOM_STRUCT(fathom_result);
     live_rig_push_until(&scan->rig, frame->depth.timestamp_ns);
     const double latency_ms = 1e-6 * (double)(clock_now_ns() - frame->arrival_ns);
     log_clear(&scan->log);
@@ -66,7 +66,7 @@ static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
 
 /* While no frames come, the samples that go on must not fill the ring. */
 static void keep_reckoning(struct scan *scan) {
-    fathom_motion motion;
+    fathom_motion motion = FATHOM_STRUCT(fathom_motion);
     if (scan->last_ns != INT64_MIN)
         fathom_inertial_estimate(scan->library.scan, scan->last_ns, scan->last_ns, &motion);
 }

@@ -96,7 +96,7 @@ int playback_start(struct playback *playback, const fathom_recording *recording,
 }
 
 void playback_push_imu(struct playback *playback, const fathom_recording *recording, int index) {
-    fathom_rig rig;
+    fathom_rig rig = FATHOM_STRUCT(fathom_rig);
     fathom_get_rig(playback->library.scan, &rig);
     const int64_t later_ns = rig.imu_clock_offset_ns - playback->imu_clock_offset_ns;
     const int until = imu_until(recording, playback->next_imu, index, later_ns < 0 ? later_ns : 0);

@@ -72,8 +72,11 @@ static int read_depth(struct replay *replay, int index) {
 /* A step of the library. A frame that it refuses is left out: *taken false. */
 static int step(struct replay *replay, int index, fathom_result *result, bool *taken) {
     const fathom_recording *recording = replay->recording;
-    const fathom_depth_frame frame = {recording->frames[index].timestamp_ns, replay->pixels, recording->width,
-                                      recording->height};
+    const fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                      .timestamp_ns = recording->frames[index].timestamp_ns,
+                                      .depth = replay->pixels,
+                                      .width = recording->width,
+                                      .height = recording->height};
     const int stepped = fathom_step(replay->playback.library.scan, &frame, result);
     *taken = stepped >= 0;
     if (*taken) return CLI_DONE;
@@ -96,7 +99,7 @@ static int take_frames(struct replay *replay) {
     int status = CLI_DONE;
     cli_progress_start("frames", (frames + stride - 1) / stride, replay->options.progress);
     for (int i = 0; i < frames && !status && !cli_interrupted(); i += stride) {
-        fathom_result result;
+        fathom_result result = FATHOM_STRUCT(fathom_result);
         bool taken = false;
         log_clear(&replay->log);
         status = read_depth(replay, i);

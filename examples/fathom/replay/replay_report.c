@@ -27,7 +27,7 @@ void replay_report_add(struct replay_report *report, const fathom_result *result
     report->blocks = result->blocks;
     point->timestamp_ns = result->timestamp_ns;
     point->state = result->state;
-    for (int i = 0; i < 16; i++) point->pose[i] = result->pose[i];
+    point->pose = result->pose;
 }
 
 void replay_report_explain(int frame, const fathom_result *result) {
@@ -41,7 +41,7 @@ void replay_report_explain(int frame, const fathom_result *result) {
 }
 
 void replay_report_counters(fathom *scan, bool verbose) {
-    fathom_counters c;
+    fathom_counters c = FATHOM_STRUCT(fathom_counters);
     if (fathom_get_counters(scan, &c)) return;
     if (c.imu_overrun)
         cli_warning("%" PRId64 " IMU samples found no room in the ring and were dropped", c.imu_overrun);
@@ -59,7 +59,7 @@ void replay_report_counters(fathom *scan, bool verbose) {
 void replay_report_rig(fathom *scan) {
     const double degrees = 57.29577951308232;
     double rotation[9], v[3];
-    fathom_rig rig;
+    fathom_rig rig = FATHOM_STRUCT(fathom_rig);
     if (fathom_get_rig(scan, &rig)) return;
     for (int i = 0; i < 9; i++) rotation[i] = rig.imu_to_camera_rotation[i];
     vector_of_rotation(rotation, v);
