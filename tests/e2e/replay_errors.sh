@@ -19,8 +19,8 @@ status=$?
 check "a recording to spoil"
 frame4=$(grep -v '^#' good/depth.txt | sed -n 5p | cut -d' ' -f2)
 
-replay good --trajectory t.txt --stats s.csv --mesh m.ply --picture p.png
-[ $status -eq 0 ] && summary 8 && [ "$(lines t.txt)" -eq 8 ] && [ "$(lines s.csv)" -eq 9 ] && whole_ply m.ply &&
+replay good --trajectory t.txt --odometry o.txt --stats s.csv --mesh m.ply --picture p.png
+[ $status -eq 0 ] && summary 8 && [ "$(lines t.txt)" -eq 8 ] && [ "$(awk 'NF == 8' o.txt | wc -l)" -eq 8 ] && [ "$(lines s.csv)" -eq 9 ] && whole_ply m.ply &&
     [ -s p.png ] && [ ! -s err ] && [ -z "$(ls ./*.part 2>/dev/null)" ]
 check "the good recording: exit 0, all files whole, nothing on stderr"
 
