@@ -49,6 +49,7 @@ static int run(const struct command *command, int argc, char **argv) {
         config->depth_camera.width = kernels.depth.width;
         config->depth_camera.height = kernels.depth.height;
     }
+    settings_apply_set(&kernels.settings, config);
     return save(config, kernels.file, &log);
 }
 

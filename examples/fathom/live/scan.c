@@ -127,6 +127,7 @@ static int run(const struct command *command, int argc, char **argv) {
     status = live_rig_open(&scan.rig, &scan.live, &scan.rig_log);
     if (!status) status = live_rig_configure(&scan.rig, &scan.live, config, &scan.rig_log);
     if (!status) override_rig(&scan.settings);
+    if (!status) settings_apply_set(&scan.settings, config);
     if (!status && !outputs_open(&scan.outputs, config)) status = CLI_FAILED;
     if (!status && !scan_report_start(&scan.report, scan.live.json, scan.live.progress))
         status = cli_error(CLI_FAILED, "out of memory");

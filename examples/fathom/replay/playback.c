@@ -84,10 +84,11 @@ void playback_choose_voxel(const fathom_recording *recording, struct settings *s
 }
 
 int playback_start(struct playback *playback, const fathom_recording *recording, int stride,
-                   fathom_config *config, struct cli_log *log) {
+                   const struct settings *settings, fathom_config *config, struct cli_log *log) {
     fathom_recording_configure(recording, config);
     const int capacity = imu_capacity(recording, stride);
     if (capacity > 4096) config->max_imu_samples = capacity;
+    settings_apply_set(settings, config);
     const int status = library_start(&playback->library, config, log);
     if (status) return status;
     playback->next_imu = first_imu(recording);
