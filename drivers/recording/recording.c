@@ -1,6 +1,7 @@
 /* Recording folders in the TUM RGB-D / ETH3D SLAM layout: opening, settings, frames. */
 #include "recording/recording_internal.h"
 #include "recording/image_file.h"
+#include "base/sized.h"
 
 #include <errno.h>
 #include <locale.h>
@@ -89,6 +90,7 @@ static int with_folder(struct recording **out, const char *folder, fathom_log lo
         free(recording);
         return FATHOM_ERROR_MEMORY;
     }
+    recording->shown.struct_size = sizeof recording->shown;
     recording->shown.folder = recording->folder;
     recording->log = log;
     recording->log_user = log_user;
@@ -112,11 +114,11 @@ static int with_folder(struct recording **out, const char *folder, fathom_log lo
 
 int fathom_recording_open(fathom_recording **out, const char *folder,
                           const fathom_recording_options *options) {
-    static const fathom_recording_options none = {0};
+    fathom_recording_options whole = FATHOM_STRUCT(fathom_recording_options);
     struct recording *recording;
-    if (!options) options = &none;
-    if (!out || !folder) return FATHOM_ERROR_ARGUMENT;
-    const int result = with_folder(&recording, folder, options->log, options->log_user, read_all, options);
+    if (out) *out = NULL;
+    if (!out || !folder || (options && !sized_in(&whole, sizeof whole, options))) return FATHOM_ERROR_ARGUMENT;
+    const int result = with_folder(&recording, folder, whole.log, whole.log_user, read_all, &whole);
     *out = result ? NULL : &recording->shown;
     return result;
 }

@@ -160,7 +160,7 @@ static void test_missing(void **state) {
     expect_failure(FATHOM_ERROR_NO_DATA, "depth/none.png");
     fathom_recording *recording;
     *errors = 0;
-    fathom_recording_options options = {.log = keep_log};
+    fathom_recording_options options = {.struct_size = sizeof options, .log = keep_log};
     assert_int_equal(fathom_recording_open(&recording, "/nonexistent/folder", &options),
                      FATHOM_ERROR_NO_DATA);
     assert_non_null(strstr(errors, "/nonexistent/folder/depth.txt"));

@@ -100,6 +100,7 @@ static int remove_folder(void **state) {
 
 static fathom_source *open_folder(fathom_source_options options) {
     fathom_source *source = NULL;
+    options.struct_size = sizeof options;
     options.log = keep_log;
     assert_int_equal(fathom_source_open(&source, folder, &options), FATHOM_OK);
     assert_non_null(source);
@@ -107,7 +108,7 @@ static fathom_source *open_folder(fathom_source_options options) {
 }
 
 static fathom_source_status status_of(fathom_source *source) {
-    fathom_source_status status;
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(fathom_source_get_status(source, &status), FATHOM_OK);
     return status;
 }
@@ -128,6 +129,7 @@ static void every_error_has_its_name(void **state) {
 static void refuses(const char *uri, fathom_source_options options, int error, const char *words) {
     fathom_source *source = (fathom_source *)&options;
     clear_log(NULL);
+    options.struct_size = sizeof options;
     options.log = keep_log;
     assert_int_equal(fathom_source_open(&source, uri, &options), error);
     assert_null(source);
@@ -137,7 +139,7 @@ static void refuses(const char *uri, fathom_source_options options, int error, c
 
 static void wrong_addresses_are_refused(void **state) {
     (void)state;
-    const fathom_source_options none = {0};
+    const fathom_source_options none = {.struct_size = sizeof none, 0};
     refuses("", none, FATHOM_ERROR_ARGUMENT, "openni2");
     refuses("nowhere", none, FATHOM_ERROR_ARGUMENT, "nowhere: neither a folder");
     refuses("kinect:0", none, FATHOM_ERROR_ARGUMENT, "no driver is called 'kinect'");
@@ -161,8 +163,8 @@ static void wrong_options_are_refused(void **state) {
 
 static void null_sources_are_refused(void **state) {
     (void)state;
-    fathom_source_frame frame;
-    fathom_source_status status;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     fathom_imu_sample sample;
     fathom_config config = fathom_config_default();
     assert_int_equal(fathom_source_start(NULL), FATHOM_ERROR_ARGUMENT);
@@ -198,7 +200,7 @@ static int stop_at_once(void *user, const fathom_source_info *info) {
 static void every_driver_is_named(void **state) {
     (void)state;
     char names[256] = "";
-    fathom_source_driver_info driver;
+    fathom_source_driver_info driver = FATHOM_STRUCT(fathom_source_driver_info);
     int drivers = 0, calls = 0;
     assert_true(fathom_sources_enumerate("folder", collect, names, keep_log, NULL) == 0);
     assert_string_equal(names, "folder ");
@@ -234,8 +236,8 @@ static void push_frame(int index) {
 
 static void the_oldest_gives_way_and_is_counted(void **state) {
     (void)state;
-    fathom_source_status status = {0};
-    fathom_source_frame held, frame;
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
+    fathom_source_frame held = FATHOM_STRUCT(fathom_source_frame), frame = held;
     fathom_imu_sample samples[20];
     assert_int_equal(source_queue_make(&queue, 8, 3, WIDTH, HEIGHT, false), FATHOM_OK);
     source_queue_start(&queue);
@@ -243,13 +245,13 @@ static void the_oldest_gives_way_and_is_counted(void **state) {
     assert_int_equal(source_queue_read_depth(&queue, &held), FATHOM_OK);
     for (int i = 1; i <= 10; i++) push_frame(i);
     for (int i = 0; i < WIDTH * HEIGHT; i++)
-        assert_int_equal(held.depth.depth[i], 0); /* the reader's, still */
+        assert_int_equal(held.depth->depth[i], 0); /* the reader's, still */
     for (int i = 8; i <= 10; i++) {
         assert_int_equal(source_queue_wait(&queue, 0), FATHOM_OK);
         assert_int_equal(source_queue_read_depth(&queue, &frame), FATHOM_OK);
         assert_int_equal(frame.index, i);
-        assert_int_equal(frame.depth.depth[5], i);
-        assert_int_equal(frame.depth.width, WIDTH);
+        assert_int_equal(frame.depth->depth[5], i);
+        assert_int_equal(frame.depth->width, WIDTH);
     }
     assert_int_equal(source_queue_read_depth(&queue, &frame), FATHOM_ERROR_TIMEOUT);
     for (int i = 0; i < 13; i++) source_queue_push_imu(&queue, &(fathom_imu_sample){.timestamp_ns = i});
@@ -276,7 +278,7 @@ static void the_oldest_gives_way_and_is_counted(void **state) {
 /* The reader gives back a slot of a lower number meanwhile. */
 static void the_slot_to_fill_is_the_same_until_it_is_pushed(void **state) {
     (void)state;
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     assert_int_equal(source_queue_make(&queue, 0, 2, WIDTH, HEIGHT, false), FATHOM_OK);
     source_queue_start(&queue);
     push_frame(0);
@@ -295,7 +297,7 @@ static void the_slot_to_fill_is_the_same_until_it_is_pushed(void **state) {
 static void what_is_left_is_read_before_the_end(void **state) {
     (void)state;
     fathom_imu_sample sample;
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(source_queue_make(&queue, 8, 0, 0, 0, false), FATHOM_OK);
     source_queue_start(&queue);
     source_queue_push_imu(&queue, &(fathom_imu_sample){.timestamp_ns = 1});
@@ -313,7 +315,7 @@ static void what_is_left_is_read_before_the_end(void **state) {
 
 static void a_device_that_comes_back(void **state) {
     (void)state;
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(source_queue_make(&queue, 8, 0, 0, 0, false), FATHOM_OK);
     source_queue_start(&queue);
     source_queue_unplugged(&queue);
@@ -332,7 +334,7 @@ static void a_device_that_comes_back(void **state) {
 
 static void silence_is_a_stall(void **state) {
     (void)state;
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(source_queue_make(&queue, 4, 0, 0, 0, false), FATHOM_OK);
     source_queue_start(&queue);
     source_queue_push_imu(&queue, &(fathom_imu_sample){0});
@@ -365,7 +367,7 @@ static void *fill(void *user) {
 static int64_t drain(bool patient) {
     pthread_t thread;
     fathom_imu_sample samples[16];
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     int64_t read = 0, last = -1;
     assert_int_equal(source_queue_make(&queue, 64, 0, 0, 0, false), FATHOM_OK);
     source_queue_start(&queue);
@@ -452,7 +454,7 @@ static void a_wait_is_cancelled_at_once(void **state) {
 
 /* Reads it to its end as a rig would: the samples first. */
 static void read_all(fathom_source *source, int *frames, int *samples) {
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     fathom_imu_sample some[32];
     int64_t newest_ns = 0;
     int result;
@@ -464,11 +466,11 @@ static void read_all(fathom_source *source, int *frames, int *samples) {
         }
         while (fathom_source_read_depth(source, &frame) == FATHOM_OK) {
             assert_int_equal(frame.index, *frames);
-            assert_int_equal(frame.depth.timestamp_ns, 10000000000 + *frames * INT64_C(33000000));
-            assert_int_equal(frame.depth.width, WIDTH);
+            assert_int_equal(frame.depth->timestamp_ns, 10000000000 + *frames * INT64_C(33000000));
+            assert_int_equal(frame.depth->width, WIDTH);
             assert_true(frame.arrival_ns <= monotonic_now_ns());
             for (int i = 0; i < WIDTH * HEIGHT; i++)
-                assert_int_equal(frame.depth.depth[i], pixel_of(*frames, i));
+                assert_int_equal(frame.depth->depth[i], pixel_of(*frames, i));
             ++*frames;
         }
     }
@@ -514,7 +516,7 @@ static void at_a_pace_it_takes_its_time(void **state) {
 
 static void at_a_pace_a_slow_reader_loses_frames(void **state) {
     (void)state;
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     fathom_source *source = open_folder((fathom_source_options){.speed = 10, .frame_capacity = 2});
     assert_int_equal(fathom_source_start(source), FATHOM_OK);
     for (int i = 0; i < 1000 && status_of(source).frames < FRAMES; i++) usleep(10000);
@@ -527,7 +529,7 @@ static void at_a_pace_a_slow_reader_loses_frames(void **state) {
 
 static void one_kind_only(void **state) {
     (void)state;
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     fathom_imu_sample samples[SAMPLES];
     fathom_config config = fathom_config_default();
     fathom_source *source =
@@ -602,7 +604,7 @@ static void samples_from_more_than_ten_seconds_before_the_first_frame_are_left_o
 static void a_damaged_frame_is_counted(void **state) {
     (void)state;
     char path[512];
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     int frames = 0;
     snprintf(path, sizeof path, "%s/depth/07.png", folder);
     assert_int_equal(truncate(path, 60), 0);

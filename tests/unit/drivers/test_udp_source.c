@@ -178,7 +178,7 @@ static void say(int s, const char *text) {
 static fathom_source *listen_with(const char *settings) {
     char uri[128];
     fathom_source *source;
-    const fathom_source_options options = {.log = keep_log};
+    const fathom_source_options options = {.struct_size = sizeof options, .log = keep_log};
     port = free_port();
     snprintf(uri, sizeof uri, "udp:127.0.0.1:%d%s", port, settings);
     assert_int_equal(fathom_source_open(&source, uri, &options), FATHOM_OK);
@@ -187,7 +187,7 @@ static fathom_source *listen_with(const char *settings) {
 }
 
 static fathom_source_status status_of(fathom_source *source) {
-    fathom_source_status status;
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(fathom_source_get_status(source, &status), FATHOM_OK);
     return status;
 }
@@ -429,7 +429,7 @@ static void waiting_can_be_cancelled_and_begun_again(void **state) {
 
 static void refused(const char *uri, int error, const char *why) {
     fathom_source *source = (fathom_source *)uri;
-    const fathom_source_options options = {.log = keep_log};
+    const fathom_source_options options = {.struct_size = sizeof options, .log = keep_log};
     errors[0] = 0;
     assert_int_equal(fathom_source_open(&source, uri, &options), error);
     assert_null(source);
