@@ -7,7 +7,8 @@
  *     fathom_recording_options options = {.struct_size = sizeof options, .log = my_log};
  *     fathom_recording *recording;
  *     fathom_recording_open(&recording, "kitchen", &options);
- *     fathom_config config = fathom_config_default();
+ *     fathom_config config;
+ *     fathom_config_init(&config);
  *     fathom_recording_configure(recording, &config);        // size, intrinsics, depth scale, mounting
  *     ...                                                    // fathom_init; then, for each frame i:
  *     fathom_recording_read_depth(recording, i, pixels);

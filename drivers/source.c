@@ -6,7 +6,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "base/sized.h"
+#include "caller_config.h"
 #include "source_log.h"
 
 /* ---- the table ---- */
@@ -238,19 +238,21 @@ int fathom_source_get_status(fathom_source *source, fathom_source_status *status
     return result;
 }
 
-void fathom_source_configure(fathom_source *source, fathom_config *config) {
-    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
-    if (!source || !config) return;
+int fathom_source_configure(fathom_source *source, fathom_config *config) {
+    fathom_config whole;
+    const size_t common = caller_config_take(&whole, config);
+    if (!source || !common) return FATHOM_ERROR_ARGUMENT;
     if (source->does->configure) {
-        source->does->configure(source, config);
-        return;
+        source->does->configure(source, &whole);
+    } else {
+        fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
+        const int result = source->does->status(source, &status);
+        if (result || status.width == 0) return result;
+        const double *k = status.intrinsics;
+        whole.depth_camera = (fathom_pinhole){
+            .width = status.width, .height = status.height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
+        whole.depth_units_per_metre = (float)status.depth_units_per_metre;
     }
-    if (source->does->status(source, &status) || status.width == 0) return;
-    config->depth_width = status.width;
-    config->depth_height = status.height;
-    config->fx = (float)status.intrinsics[0];
-    config->fy = (float)status.intrinsics[1];
-    config->cx = (float)status.intrinsics[2];
-    config->cy = (float)status.intrinsics[3];
-    config->depth_units_per_metre = (float)status.depth_units_per_metre;
+    caller_config_give(config, common, &whole);
+    return FATHOM_OK;
 }

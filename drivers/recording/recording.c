@@ -1,7 +1,7 @@
 /* Recording folders in the TUM RGB-D / ETH3D SLAM layout: opening, settings, frames. */
+#include "caller_config.h"
 #include "recording/recording_internal.h"
 #include "recording/image_file.h"
-#include "base/sized.h"
 
 #include <errno.h>
 #include <locale.h>
@@ -123,18 +123,35 @@ int fathom_recording_open(fathom_recording **out, const char *folder,
     return result;
 }
 
+static void configure(const fathom_recording *recording, fathom_config *config) {
+    const double *k = recording->intrinsics;
+    fathom_pinhole camera = {
+        .width = recording->width, .height = recording->height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
+    for (int i = 0; i < 5; i++) {
+        camera.coefficients[i] = recording->distortion[i];
+        if (recording->distortion[i] != 0) camera.lens = FATHOM_LENS_FIVE;
+    }
+    config->depth_camera = camera;
+    config->depth_units_per_metre = (float)recording->depth_units_per_metre;
+    for (int i = 0; i < 9; i++)
+        config->imu_to_camera_rotation[i] = (float)recording->imu_to_camera_rotation[i];
+    for (int i = 0; i < 3; i++)
+        config->imu_to_camera_translation[i] = (float)recording->imu_to_camera_translation[i];
+    config->imu_clock_offset_ns = recording->imu_clock_offset_ns;
+    if (recording->gravity > 0) config->gravity_m_s2 = (float)recording->gravity;
+}
+
 /* ---- a folder that only describes a rig ---- */
 
 static int read_description(struct recording *recording, const void *user) {
     const fathom_config *config = user;
     fathom_recording *shown = &recording->shown;
-    shown->width = config->depth_width;
-    shown->height = config->depth_height;
-    shown->intrinsics[0] = config->fx;
-    shown->intrinsics[1] = config->fy;
-    shown->intrinsics[2] = config->cx;
-    shown->intrinsics[3] = config->cy;
-    for (int i = 0; i < 5; i++) shown->distortion[i] = config->distortion[i];
+    shown->width = config->depth_camera.width;
+    shown->height = config->depth_camera.height;
+    shown->intrinsics[0] = config->depth_camera.fx;
+    shown->intrinsics[1] = config->depth_camera.fy;
+    shown->intrinsics[2] = config->depth_camera.cx;
+    shown->intrinsics[3] = config->depth_camera.cy;
     char *rig = recording_path(recording, "rig.txt");
     const bool there = rig && access(rig, F_OK) == 0;
     free(rig);
@@ -149,10 +166,15 @@ static int read_description(struct recording *recording, const void *user) {
 
 int fathom_rig_configure(const char *folder, fathom_config *config, fathom_log log, void *log_user) {
     struct recording *recording;
-    if (!folder || !config) return FATHOM_ERROR_ARGUMENT;
-    const int result = with_folder(&recording, folder, log, log_user, read_description, config);
+    fathom_config whole;
+    const size_t common = caller_config_take(&whole, config);
+    if (!folder || !common) return FATHOM_ERROR_ARGUMENT;
+    const int result = with_folder(&recording, folder, log, log_user, read_description, &whole);
     if (result) return result;
-    fathom_recording_configure(&recording->shown, config);
+    const fathom_pinhole camera = whole.depth_camera;
+    configure(&recording->shown, &whole);
+    if (!recording->has_calibration) whole.depth_camera = camera;
+    caller_config_give(config, common, &whole);
     fathom_recording_close(&recording->shown);
     return FATHOM_OK;
 }
@@ -168,21 +190,13 @@ void fathom_recording_close(fathom_recording *shown) {
     free(recording);
 }
 
-void fathom_recording_configure(const fathom_recording *recording, fathom_config *config) {
-    config->depth_width = recording->width;
-    config->depth_height = recording->height;
-    config->fx = (float)recording->intrinsics[0];
-    config->fy = (float)recording->intrinsics[1];
-    config->cx = (float)recording->intrinsics[2];
-    config->cy = (float)recording->intrinsics[3];
-    for (int i = 0; i < 5; i++) config->distortion[i] = (float)recording->distortion[i];
-    config->depth_units_per_metre = (float)recording->depth_units_per_metre;
-    for (int i = 0; i < 9; i++)
-        config->imu_to_camera_rotation[i] = (float)recording->imu_to_camera_rotation[i];
-    for (int i = 0; i < 3; i++)
-        config->imu_to_camera_translation[i] = (float)recording->imu_to_camera_translation[i];
-    config->imu_clock_offset_ns = recording->imu_clock_offset_ns;
-    if (recording->gravity > 0) config->gravity_m_s2 = (float)recording->gravity;
+int fathom_recording_configure(const fathom_recording *recording, fathom_config *config) {
+    fathom_config whole;
+    const size_t common = caller_config_take(&whole, config);
+    if (!recording || !common) return FATHOM_ERROR_ARGUMENT;
+    configure(recording, &whole);
+    caller_config_give(config, common, &whole);
+    return FATHOM_OK;
 }
 
 int fathom_recording_read_depth(const fathom_recording *shown, int index, uint16_t *pixels) {
