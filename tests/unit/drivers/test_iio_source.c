@@ -10,6 +10,7 @@
 #include <iio.h>
 #include <math.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,7 +40,8 @@ struct iio_buffer {
 
 struct iio_device {
     const char *id, *name, *mount; /* mount NULL: says nothing */
-    bool has_gyro, has_accel, has_time, monotonic, is_there, busy;
+    bool has_gyro, has_accel, has_time, monotonic, busy;
+    atomic_bool is_there;
     double rate;
     struct iio_channel channels[7];
     struct iio_buffer buffer;

@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -300,6 +301,33 @@ static void another_recordings_rig_and_samples_are_copied(void **state) {
     fathom_recording_close(r);
 }
 
+static void *write_samples(void *sink) {
+    for (int i = 0; i < 2000; i++) {
+        const fathom_imu_sample sample = sample_at(i);
+        if (fathom_sink_write_imu(sink, &sample, 1)) return sink;
+    }
+    return NULL;
+}
+
+/* The thread sanitizer watches. */
+static void samples_may_come_on_another_thread_than_frames(void **state) {
+    (void)state;
+    pthread_t thread;
+    void *failed;
+    fathom_sink *sink = open_sink(false);
+    assert_int_equal(pthread_create(&thread, NULL, write_samples, sink), 0);
+    for (int i = 0; i < 20; i++) {
+        assert_int_equal(put_frame(sink, i), FATHOM_OK);
+        assert_int_equal(status_of(sink).frames, i + 1);
+        assert_string_equal(fathom_sink_last_error(sink), "");
+    }
+    pthread_join(thread, &failed);
+    assert_null(failed);
+    assert_int_equal(fathom_sink_flush(sink), FATHOM_OK);
+    assert_int_equal(status_of(sink).samples, 2000);
+    assert_int_equal(fathom_sink_close(sink), FATHOM_OK);
+}
+
 static void wrong_arguments_are_refused(void **state) {
     (void)state;
     fathom_sink *sink;
@@ -328,6 +356,7 @@ int main(void) {
         cmocka_unit_test_setup(a_folder_that_isnt_empty_is_left_alone_without_force, next_folder),
         cmocka_unit_test_setup(images_are_written_beside_the_depth, next_folder),
         cmocka_unit_test_setup(another_recordings_rig_and_samples_are_copied, next_folder),
+        cmocka_unit_test_setup(samples_may_come_on_another_thread_than_frames, next_folder),
         cmocka_unit_test_setup(wrong_arguments_are_refused, next_folder),
     };
     return cmocka_run_group_tests(tests, make_top, remove_top);

@@ -8,6 +8,7 @@
 #include <math.h>
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -629,6 +630,42 @@ static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
     check_source_contract(folder, NULL);
 }
 
+static atomic_bool looking;
+
+static void *look_and_cancel(void *source) {
+    while (looking) {
+        assert_int_equal(status_of(source).width, WIDTH);
+        fathom_source_cancel(source);
+    }
+    return NULL;
+}
+
+/* What the header allows; the thread sanitizer watches. */
+static void status_and_cancel_may_run_beside_everything_but_close(void **state) {
+    (void)state;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
+    fathom_imu_sample samples[16];
+    pthread_t thread;
+    fathom_source *source = open_folder((fathom_source_options){.imu_capacity = 5, .frame_capacity = 1});
+    looking = true;
+    assert_int_equal(pthread_create(&thread, NULL, look_and_cancel, source), 0);
+    for (int round = 0; round < 3; round++) {
+        int result, frames = 0;
+        assert_int_equal(fathom_source_start(source), FATHOM_OK);
+        while ((result = fathom_source_wait(source, 5000)) == FATHOM_OK || result == FATHOM_ERROR_CANCELLED) {
+            while (fathom_source_read_depth(source, &frame) == FATHOM_OK) frames++;
+            while (fathom_source_read_imu(source, samples, 16) > 0) {
+            }
+        }
+        assert_int_equal(result, FATHOM_ERROR_ENDED);
+        assert_int_equal(frames, FRAMES);
+        assert_int_equal(fathom_source_stop(source), FATHOM_OK);
+    }
+    looking = false;
+    pthread_join(thread, NULL);
+    fathom_source_close(source);
+}
+
 /* Stopped and closed at any moment. */
 static void it_can_be_closed_at_any_time(void **state) {
     (void)state;
@@ -664,6 +701,7 @@ int main(void) {
         cmocka_unit_test_setup(samples_from_more_than_ten_seconds_before_the_first_frame_are_left_out, clear_log),
         cmocka_unit_test_setup(one_kind_only, clear_log),
         cmocka_unit_test_setup(a_second_start_is_refused_and_the_source_goes_on, clear_log),
+        cmocka_unit_test_setup(status_and_cancel_may_run_beside_everything_but_close, clear_log),
         cmocka_unit_test_setup(it_can_be_closed_at_any_time, clear_log),
         cmocka_unit_test_setup(a_damaged_frame_is_counted, clear_log),
     };
