@@ -57,15 +57,15 @@ static void print_platforms(void) {
 }
 
 static int print_plan(const struct settings *settings, struct cli_log *log) {
-    fathom_memory_plan plan;
-    const int result = fathom_memory_plan_for(&settings->config, &plan);
+    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
+    const int result = fathom_plan_memory(&settings->config, &plan, NULL, 0);
     if (result < 0)
         return cli_error(result == FATHOM_ERROR_CONFIG || result == FATHOM_ERROR_MEMORY ? CLI_USAGE
                                                                                         : CLI_FAILED,
                          "%s", log_reason(log, result));
     printf("plan: %s\n", plan.device);
-    printf("    depth %dx%d, maps %dx%d, voxel %g m\n", settings->config.depth_width,
-           settings->config.depth_height, plan.align_width, plan.align_height,
+    printf("    depth %dx%d, maps %dx%d, voxel %g m\n", settings->config.depth_camera.width,
+           settings->config.depth_camera.height, plan.align_width, plan.align_height,
            (double)settings->config.voxel_m);
     printf("    host_bytes=%" PRId64 " device_bytes=%" PRId64 " total_bytes=%" PRId64
            " blocks=%d arena_mb=%.1f\n",

@@ -7,15 +7,11 @@
 #include "base/se3.h"
 #include "base/stamps.h"
 
-fathom_config fathom_config_default(void) {
+fathom_config config_default(void) {
     fathom_config c;
     memset(&c, 0, sizeof c);
     c.struct_size = sizeof c;
-    c.depth_width = 640;
-    c.depth_height = 480;
-    c.fx = c.fy = 525;
-    c.cx = 319.5f;
-    c.cy = 239.5f;
+    c.depth_camera = (fathom_pinhole){.width = 640, .height = 480, .fx = 525, .fy = 525, .cx = 319.5, .cy = 239.5};
     c.depth_units_per_metre = 1000;
     c.min_depth_m = 0.3f;
     c.max_depth_m = 5;
@@ -64,21 +60,7 @@ fathom_config fathom_config_default(void) {
     c.motion_sigma_m_s2 = 1.5f;
     c.motion_sigma_rad_s2 = 3;
     c.max_reckoned_sigma_m = 0.5f;
-    c.first_pose[0] = c.first_pose[5] = c.first_pose[10] = c.first_pose[15] = 1;
-    return c;
-}
-
-fathom_config fathom_config_preset(fathom_preset preset) {
-    fathom_config c = fathom_config_default();
-    if (preset == FATHOM_PRESET_TINY) {
-        c.max_align_width = 160;
-        c.voxel_m = 0.02f;
-        c.max_memory_bytes = (int64_t)64 << 20;
-    } else if (preset == FATHOM_PRESET_LARGE) {
-        c.max_align_width = 640;
-        c.voxel_m = 0.008f;
-        c.max_memory_bytes = (int64_t)256 << 20;
-    }
+    c.first_pose.orientation[3] = 1;
     return c;
 }
 
@@ -89,24 +71,25 @@ typedef struct {
 } bound;
 
 int config_check(const fathom_config *c) {
-    if (c->struct_size != sizeof *c) {
-        log_write(c, FATHOM_LOG_ERROR,
-                  "struct_size is %u, this library's is %zu: start from fathom_config_default()",
-                  c->struct_size, sizeof *c);
-        return FATHOM_ERROR_CONFIG;
-    }
+    const fathom_pinhole *p = &c->depth_camera;
+    const double *k = p->coefficients;
     const bound bounds[] = {
-        {"depth_width", c->depth_width, 16, 4096},
-        {"depth_height", c->depth_height, 16, 4096},
-        {"fx", c->fx, 1, 1e5},
-        {"fy", c->fy, 1, 1e5},
-        {"cx", c->cx, -1e5, 1e5},
-        {"cy", c->cy, -1e5, 1e5},
-        {"distortion[0]", c->distortion[0], -100, 100},
-        {"distortion[1]", c->distortion[1], -100, 100},
-        {"distortion[2]", c->distortion[2], -100, 100},
-        {"distortion[3]", c->distortion[3], -100, 100},
-        {"distortion[4]", c->distortion[4], -100, 100},
+        {"min_confidence", c->min_confidence, 0, 255},
+        {"depth_camera.width", p->width, 16, 4096},
+        {"depth_camera.height", p->height, 16, 4096},
+        {"depth_camera.fx", p->fx, 1, 1e5},
+        {"depth_camera.fy", p->fy, 1, 1e5},
+        {"depth_camera.cx", p->cx, -1e5, 1e5},
+        {"depth_camera.cy", p->cy, -1e5, 1e5},
+        {"depth_camera.lens", p->lens, FATHOM_LENS_PINHOLE, FATHOM_LENS_RATIONAL},
+        {"depth_camera.coefficients[0]", k[0], -1e3, 1e3},
+        {"depth_camera.coefficients[1]", k[1], -1e3, 1e3},
+        {"depth_camera.coefficients[2]", k[2], -1e3, 1e3},
+        {"depth_camera.coefficients[3]", k[3], -1e3, 1e3},
+        {"depth_camera.coefficients[4]", k[4], -1e3, 1e3},
+        {"depth_camera.coefficients[5]", k[5], -1e3, 1e3},
+        {"depth_camera.coefficients[6]", k[6], -1e3, 1e3},
+        {"depth_camera.coefficients[7]", k[7], -1e3, 1e3},
         {"depth_units_per_metre", c->depth_units_per_metre, 1e-3, 1e7},
         {"min_depth_m", c->min_depth_m, 0, 100},
         {"max_depth_m", c->max_depth_m, c->min_depth_m, 1000},
@@ -180,13 +163,19 @@ int config_check(const fathom_config *c) {
                       bounds[i].value, bounds[i].low, bounds[i].high);
             return FATHOM_ERROR_CONFIG;
         }
-    pose p;
-    float mounting[16] = {0};
+    for (int i = p->lens == FATHOM_LENS_PINHOLE ? 0 : p->lens == FATHOM_LENS_FIVE ? 5 : 8; i < 8; i++)
+        if (k[i] != 0) {
+            log_write(c, FATHOM_LOG_ERROR, "depth_camera.coefficients[%d] is %g; depth_camera.lens %d doesn't use it", i,
+                       k[i], p->lens);
+            return FATHOM_ERROR_CONFIG;
+        }
+    pose given;
+    double mounting[16] = {0};
     mounting[15] = 1;
     for (int i = 0; i < 9; i++) mounting[i / 3 * 4 + i % 3] = c->imu_to_camera_rotation[i];
-    if (!pose_from_matrix(c->first_pose, &p) || !pose_from_matrix(mounting, &p)) {
+    if (!pose_take(&c->first_pose, &given) || !pose_from_matrix(mounting, &given)) {
         log_write(c, FATHOM_LOG_ERROR,
-                  "first_pose or imu_to_camera_rotation is not a right-handed rigid motion");
+                   "first_pose or imu_to_camera_rotation is not a right-handed rigid motion");
         return FATHOM_ERROR_CONFIG;
     }
     return FATHOM_OK;

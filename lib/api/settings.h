@@ -7,6 +7,9 @@
 #define CONFIG_BLOCKS_LEAST 64 /* of a pool */
 #define CONFIG_BLOCKS_MOST 16777216
 
+/* All settings at their defaults. */
+fathom_config config_default(void);
+
 /* FATHOM_OK, or FATHOM_ERROR_CONFIG after a log message that names the setting. */
 int config_check(const fathom_config *config);
 

@@ -193,8 +193,13 @@ static int track_all(struct run *run, uint16_t *depth) {
          "rad,agreement,see_through,visible,innovation,verdict");
     for (int i = 0; i < recording->frame_count; i += run->stride) {
         const int64_t now = recording->frames[i].timestamp_ns;
-        const fathom_depth_frame scan = {now, depth, recording->width, recording->height};
-        fathom_result r;
+        const fathom_depth_frame scan = {.struct_size = sizeof scan,
+                                         .timestamp_ns = now,
+                                         .depth = depth,
+                                         .width = recording->width,
+                                         .height = recording->height,
+                                         .row_stride_bytes = 2 * recording->width};
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         playback_push_imu(&run->playback, recording, i);
         int error = fathom_recording_read_depth(recording, i, depth);
         if (error == FATHOM_OK) error = fathom_step(f, &scan, &r);

@@ -7,7 +7,8 @@
 #include <string.h>
 
 void settings_start(struct settings *settings) {
-    *settings = (struct settings){.config = fathom_config_default()};
+    *settings = (struct settings){0};
+    fathom_config_init(&settings->config);
 }
 
 /* ---- values that are more than a number or a word ---- */
@@ -29,10 +30,10 @@ static int stay(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motio
     const double turn = 1.0, speed = 0.5; /* rad/s, m/s */
     const double dt = 1e-9 * ((double)to_ns - (double)from_ns);
     (void)user;
-    *motion = (fathom_motion){.motion = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}};
+    motion->motion = (fathom_pose){.orientation = {0, 0, 0, 1}};
     for (int i = 0; i < 3; i++) {
-        motion->covariance[7 * i] = (float)(turn * turn * dt * dt);
-        motion->covariance[7 * (i + 3)] = (float)(speed * speed * dt * dt);
+        motion->covariance[7 * i] = turn * turn * dt * dt;
+        motion->covariance[7 * (i + 3)] = speed * speed * dt * dt;
     }
     return FATHOM_OK;
 }
@@ -68,7 +69,8 @@ static bool set_preset(void *into, const char *option, const char *text) {
     struct settings *settings = into;
     int choice;
     if (!parse_choice(option, text, "tiny|small|large", &choice)) return false;
-    const fathom_config c = fathom_config_preset((fathom_preset)choice);
+    fathom_config c;
+    fathom_config_preset(&c, choice);
     settings->config.max_align_width = c.max_align_width;
     if (settings->memory == 0) settings->config.max_memory_bytes = c.max_memory_bytes;
     if (settings->voxel == 0) settings->config.voxel_m = c.voxel_m;
@@ -87,10 +89,11 @@ static bool set_intrinsics(void *into, const char *option, const char *text) {
     struct settings *settings = into;
     const double *k = settings->intrinsics;
     if (!parse_numbers(option, text, 4, 1e-3, 1e5, settings->intrinsics)) return false;
-    settings->config.fx = (float)k[0];
-    settings->config.fy = (float)k[1];
-    settings->config.cx = (float)k[2];
-    settings->config.cy = (float)k[3];
+    fathom_pinhole *camera = &settings->config.depth_camera;
+    camera->fx = k[0];
+    camera->fy = k[1];
+    camera->cx = k[2];
+    camera->cy = k[3];
     return true;
 }
 
