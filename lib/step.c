@@ -54,6 +54,8 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
         move(f, &seed.mean, seed.covariance);
     }
 
+    odometry_advance(&f->odometry, &d.motion, d.covariance, &f->pose, f->covariance, tracking,
+                     seconds_between(f->timestamp_ns, scan->timestamp_ns));
     bool lost = covariance_position_sigma(f->covariance) > f->config.max_reckoned_sigma_m;
     r->state = tracking ? FATHOM_TRACKED : lost ? FATHOM_LOST : FATHOM_RECKONED;
     if (tracking || icp.verdict == FATHOM_VERDICT_UNCERTAIN)
@@ -67,9 +69,10 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
 }
 
 static void report(fathom *f, fathom_result *r) {
-    r->pose = r->odometry = pose_give(&f->pose);
+    r->pose = pose_give(&f->pose);
     memcpy(r->pose_covariance, f->covariance, sizeof r->pose_covariance);
-    memcpy(r->odometry_covariance, f->covariance, sizeof r->odometry_covariance);
+    r->odometry = pose_give(&f->odometry.at);
+    memcpy(r->odometry_covariance, f->odometry.covariance, sizeof r->odometry_covariance);
     r->blocks = f->volume.count;
     r->gyro_health = f->inertial.check.gyro.health;
     r->accel_health = f->inertial.check.accel.health;

@@ -103,9 +103,8 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
     /* maps cast from a start that was far off show another part of the surface: a second round from where the first has led */
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && a->icp.pairs > 0;
     if (recast && !model_maps_hold(&t->models, &a->icp.motion, FINEST)) {
-        align_prior led = *prior;
-        led.mean = a->icp.motion;
-        align_scan(t, &led.mean, &led, false, &a->icp);
+        pose led = a->icp.motion;
+        align_scan(t, &led, prior, false, &a->icp);
     }
     double began = now_ms();
     judge(c, &t->view, t->device, t->maps, t->volume, prior, t->valid, a);
@@ -120,6 +119,7 @@ static void second_attempt(tracker *t, const pose *seed, int64_t timestamp_ns, a
     if (undoubted(t->config, icp) || icp->verdict == FATHOM_VERDICT_NO_DEPTH ||
         !inertial_second_guess(t->inertial, seed, timestamp_ns, &guess.mean, guess.covariance))
         return;
+    other.by_velocity = true;
     track_attempt(t, &guess.mean, &guess, false, &other);
     if (fits_better(t->config, &other, icp)) *icp = other;
 }
@@ -137,9 +137,7 @@ static void search(tracker *t, const align_prior *seed, attempt *icp) {
     t->cost.ms_align += now_ms() - began;
     for (int i = 0; i < found; i++) {
         attempt other = *icp;
-        align_prior draw = *seed;
-        draw.mean = best[i];
-        track_attempt(t, &best[i], &draw, false, &other);
+        track_attempt(t, &best[i], seed, false, &other);
         if (other.verdict != FATHOM_VERDICT_TRACKING) continue;
         *icp = other;
         return;
