@@ -146,7 +146,7 @@ static fathom_source_frame next_frame(fathom_source *source) {
 }
 
 static void wait_for_state(fathom_source *source, fathom_source_state state) {
-    for (int i = 0; i < 200 && status_of(source).state != state; i++) usleep(10000);
+    for (int i = 0; i < 200 && status_of(source).state != (int32_t)state; i++) usleep(10000);
     assert_string_equal(fathom_source_state_name(status_of(source).state), fathom_source_state_name(state));
 }
 
