@@ -302,7 +302,7 @@ static void test_rig(void **state) {
     for (int i = 0; i < 9; i++) assert_float_equal(r->imu_to_camera_rotation[i], turned[i], 1e-12);
     assert_true(r->has_color_intrinsics);
     assert_float_equal(r->color_to_depth_translation[0], 0.025, 0);
-    fathom_config config = {.gravity_m_s2 = 9.80665f};
+    fathom_config config = {.struct_size = sizeof config, .gravity_m_s2 = 9.80665f};
     fathom_recording_configure(r, &config);
     assert_int_equal(config.depth_camera.width, WIDTH);
     assert_float_equal(config.depth_camera.fy, 61, 0);
