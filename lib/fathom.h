@@ -103,7 +103,9 @@ typedef enum {
     FATHOM_ERROR_STOPPED = -8,     /* the caller's callback stopped the call */
     FATHOM_ERROR_NO_DATA = -9,     /* nothing there to answer with: no IMU samples in the range, no frame, no file */
     FATHOM_ERROR_FULL = -10,       /* a ring is full; what was pushed is dropped and counted */
-    FATHOM_ERROR_WRITE = -11,      /* a file or a folder can't be written: a full disk, no permission; the text says which and why */
+    FATHOM_ERROR_NAME = -11,       /* there is no setting of that name */
+    FATHOM_ERROR_VALUE = -12,      /* the text is not a value of the setting's type */
+    FATHOM_ERROR_WRITE = -13,      /* a file or a folder can't be written: a full disk, no permission; the text says which and why */
     FATHOM_ERROR_TIMEOUT = -20,    /* nothing arrived in time; the source goes on */
     FATHOM_ERROR_CANCELLED = -21,  /* fathom_source_cancel was called; the next wait works again */
     FATHOM_ERROR_ENDED = -22,      /* a recording has no more; everything was read */
@@ -250,122 +252,160 @@ typedef int (*fathom_block_hook)(void *user, const fathom_block *block);
 
 #define FATHOM_LEVELS 3 /* of the alignment pyramid: index 0 is the coarsest (a quarter), 2 the finest */
 
-/* All settings. Fill one by fathom_config_init() and change what differs; zero means "the default" where a field says so.
- * Read during fathom_memory_required and fathom_init only: the library keeps a copy (but not of what the pointers lead to,
- * which must live as long as the context where it says so). */
+/* All settings. Fill one by fathom_config_init() and change what differs. Ranges, both ends allowed, and defaults
+ * stand beside the fields; fathom_get_setting() and `fathom info --settings` have them, too. Read during
+ * fathom_memory_required and fathom_init only: the library keeps a copy, but not of what the pointers lead to, which
+ * must live as long as they say. */
 typedef struct {
-    uint32_t struct_size;          /* set by fathom_config_init */
+    uint32_t struct_size; /* set by fathom_config_init */
 
-    /* depth camera */
-    int32_t min_confidence;        /* a pixel below it is invalid in frames with a confidence plane; 0..255. Default 0: any.
-                                      Checked now; later versions use it */
-    fathom_pinhole depth_camera;   /* of the depth frames: 16..4096 pixels, any lens. Default 640x480; 525, 525, 319.5, 239.5 */
-    float depth_units_per_metre;   /* e.g. 1000 for millimetres, 5000 in TUM recordings. Default 1000 */
-    float min_depth_m, max_depth_m; /* depths outside are invalid. Default 0.3 and 5. 0 and 65535 are always invalid, and depth
-                                      whose sigma is more than two truncations */
-    float depth_noise_base_m;      /* depth error: sigma(z) = base + growth * z^2. Pairs and fusion are weighted by */
-    float depth_noise_growth_per_m;      /* 1/sigma^2 relative to that at 1 m. Defaults 0.0001 m and 0.003 1/m: a step of a
-                                      Kinect 360's disparity (Khoshelham and Elberink 2012, Section 3.2: 2.85 mm at 1 m) */
+    /* ---- depth camera ---- */
 
-    /* alignment (Section 2) */
-    int32_t align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to max_align_width wide */
-    int32_t max_align_width;            /* default 320; 16..4096 */
-    int32_t against;               /* fathom_against. Default FATHOM_AGAINST_MODEL */
-    int32_t prior;                 /* fathom_prior. Default FATHOM_PRIOR_INFORMATION */
-    int32_t max_iterations[FATHOM_LEVELS]; /* most iterations, coarsest to finest, without a usable seed. Default 10, 5, 4 */
-    int32_t max_seeded_iterations[FATHOM_LEVELS]; /* the same with one. Default 0, 0, 4. 0..100 each; the last may be 0 only when
-                                             another level has some */
-    float max_seed_sigma_m;          /* a seed is usable when its translation's sigma is below this. Default 0.02 */
-    float max_model_reuse_m, max_model_reuse_rad; /* maps ray-cast from the surface serve the next frames too, until the camera has moved
-                                      so far, or a tenth of the pairs is gone. Defaults 0.04 and 0.06; 0: a ray-cast each frame */
-    float max_pair_distance_m;         /* a pair further apart is rejected, at the finest level (doubled at each coarser one).
-                                      Default 0.10; widened to three sigma of the seed */
-    float max_pair_angle_rad;          /* a pair whose normals differ by more is rejected. Default 0.7 (40 degrees) */
-    float huber_m;                 /* residual beyond which a pair's weight falls off as 1/|r|. Default 0.003 */
-    float min_update_rad, min_update_m; /* an update smaller than both ends a level. Default 1e-4 and 1e-4 */
-    float min_error_decrease;         /* a relative fall of the error below this ends a level. Default 1e-4 */
+    /* Minimum confidence of a valid pixel, in frames with a confidence plane. 0..255; default 0: any. Checked now;
+     * later versions use it. */
+    int32_t min_confidence;
+    /* Of the depth frames; 16..4096 pixels each way, any lens. Default 640x480; 525, 525, 319.5, 239.5; no
+     * distortion. */
+    fathom_pinhole depth_camera;
+    /* 1000 for millimetres, 5000 in TUM recordings. 0.001..1e7; default 1000. */
+    float depth_units_per_metre;
+    /* Depths outside are invalid. 0..100 and 0..1000 m; default 0.3 and 5. The values 0 and 65535 are always
+     * invalid, and so is depth whose sigma is more than two truncations. */
+    float min_depth_m, max_depth_m;
+    /* Depth error: sigma(z) = base + growth z^2. Pairs and fusion are weighted by 1/sigma^2 relative to that at 1 m.
+     * 1e-6..1 m and 0..1 1/m; default 0.0001 and 0.003: a step of a Kinect 360's disparity (Khoshelham and Elberink
+     * 2012, Section 3.2: 2.85 mm at 1 m). */
+    float depth_noise_base_m, depth_noise_growth_per_m;
 
-    /* verdict "tracking" (Section 2, last paragraph; docs/DESIGN.md gives the reasons for the defaults) */
-    float min_overlap;             /* kept pairs / pixels where both scan and model have a surface. Default 0.35 */
-    int32_t min_pairs;             /* kept pairs at the finest level used; 0: one in 100 pixels. Default 0 */
-    float max_rms_m;               /* weighted rms residual. Default 0.01 */
-    float max_condition;           /* kappa(A), centred and scaled, beyond which the weakest direction says nothing (a bare
-                                      wall reads 30 by its noise, rooms 2 to 8, a corridor up to 20). Default 22 */
-    float max_innovation_sigmas;   /* distance from seed to result in units of the seed's sigma. Default 6 */
-    float min_agreement;           /* of the pixels where the surface should be seen from the found pose and the frame sees
-                                      something: the part that agrees within agreement_tolerance_m. Default 0.75 */
-    float max_see_through;         /* the part of them that sees further, through the surface. Default 0.015 */
-    float min_evident_fraction;           /* an alignment from a usable seed is evident, and what the surface should look like isn't
-                                      ray-cast to be compared, when this part of the frame's valid pixels found pairs, and
-                                      result and seed agree within max_evident_sigmas. Default 0.6; above 1: never */
-    float max_evident_sigmas;          /* Default 1.5 */
-    float agreement_tolerance_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
-    float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says
-                                      nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.02, 0.02 */
+    /* ---- alignment (Section 2) ---- */
 
-    /* surface */
-    float voxel_m;                 /* edge of a voxel. Default 0.01; 0.001..1 */
-    float truncation_m;            /* the signed distance is kept within this. 0: four voxels */
-    int32_t max_blocks;                /* blocks of 8x8x8 voxels in the pool, 2 KB each; 64 at least. 0: what
-                                      max_memory_bytes leaves */
-    int32_t when_full;             /* fathom_full: what happens when the pool has no block left. Default FATHOM_FULL_STOP */
-    fathom_block_hook block_out, block_in; /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
+    /* Size of the maps: the depth size over a whole number. 0..4096 pixels; default 0, 0: the largest up to
+     * max_align_width. */
+    int32_t align_width, align_height;
+    int32_t max_align_width; /* 16..4096 pixels; default 320 */
+    int32_t against;         /* fathom_against; default FATHOM_AGAINST_MODEL */
+    int32_t prior;           /* fathom_prior; default FATHOM_PRIOR_INFORMATION */
+    /* Maximum iterations, coarsest to finest level, without a usable seed. 0..100 each, one of them at least 1;
+     * default 10, 5, 4. */
+    int32_t max_iterations[FATHOM_LEVELS];
+    /* The same from a usable seed. Default 0, 0, 4. */
+    int32_t max_seeded_iterations[FATHOM_LEVELS];
+    /* A seed is usable when the sigma of its translation is at most this. 0..100 m; default 0.02. */
+    float max_seed_sigma_m;
+    /* Maps ray-cast from the surface serve further frames until the camera has moved or turned more than this, or a
+     * tenth of the pairs is gone. 0..1e9; default 0.04 m and 0.06 rad; 0: a ray-cast per frame. */
+    float max_model_reuse_m, max_model_reuse_rad;
+    /* A pair further apart is rejected: at the finest level; doubled at each coarser one; widened to three sigma of
+     * the seed. 1e-4..10 m; default 0.1. */
+    float max_pair_distance_m;
+    /* a pair whose normals differ by more is rejected. 0.01..3.15 rad; default 0.7 (40 degrees) */
+    float max_pair_angle_rad;
+    float huber_m; /* residual beyond which a pair's weight falls off as 1/|r|. 1e-6..100 m; default 0.003 */
+    /* an update smaller than both ends a level. 0..1; default 1e-4 rad and 1e-4 m */
+    float min_update_rad, min_update_m;
+    float min_error_decrease; /* a relative decrease of the error below this ends a level. -1e9..1; default 1e-4 */
+
+    /* ---- verdict "tracking" (Section 2, last paragraph; docs/DESIGN.md gives the reasons for the defaults) ---- */
+
+    float min_overlap; /* kept pairs over pixels where both scan and model have a surface. 0..1; default 0.35 */
+    int32_t min_pairs; /* kept pairs at the finest level used. 0..1e9; default 0: one in 100 pixels */
+    float max_rms_m;   /* weighted rms residual. 1e-6..1e9 m; default 0.01 */
+    /* Condition number, centred and scaled, beyond which the weakest direction is unobserved (by noise alone a bare
+     * wall has 30, rooms 2 to 8, a corridor up to 20). 1..1e30; default 22. */
+    float max_condition;
+    float max_innovation_sigmas; /* distance from seed to result in sigmas of the seed. 0.1..1e30; default 6 */
+    /* Of the pixels where the surface should be seen from the found pose and the frame has depth: the fraction that
+     * agrees within agreement_tolerance_m, and the fraction that sees further, through the surface. 0..1; default
+     * 0.75, 0.015. */
+    float min_agreement, max_see_through;
+    /* An alignment from a usable seed is evident when this fraction of the frame's valid pixels found pairs, and
+     * result and seed agree within max_evident_sigmas; the predicted view isn't ray-cast to be compared then.
+     * 0..1e9; default 0.6 and 1.5; a fraction above 1: always compared. */
+    float min_evident_fraction, max_evident_sigmas;
+    /* across the surface, beside a voxel and three sigma of the depth. 1e-4..100 m; default 0.02 */
+    float agreement_tolerance_m;
+    /* Maximum sigma of a pose that is fused, inertia counted in: along a bare wall geometry is silent, and a pose
+     * that inertia doesn't hold either isn't fused. 1e-4..1000; default 0.02 m and 0.02 rad. */
+    float max_sigma_m, max_sigma_rad;
+
+    /* ---- surface and memory ---- */
+
+    float voxel_m;      /* edge of a voxel. 0.001..1 m; default 0.01 */
+    float truncation_m; /* the signed distance is kept within this. 0..10 m; default 0: four voxels */
+    int32_t max_blocks; /* blocks of 8x8x8 voxels, 2 KB each. 64..16777216; default 0: what max_memory_bytes leaves */
+    int32_t when_full;  /* fathom_full: what happens when no block is left. Default FATHOM_FULL_STOP */
+    /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
+    fathom_block_hook block_out, block_in;
     void *block_user;
-    float max_weight;              /* observations a voxel averages over, at 1 m; older ones fade. Default 100 */
-    bool fuse_behind;              /* fathom_step returns as soon as the pose is known, and the frame goes into the surface while
-                                      the next one is on its way: the same poses, sooner. Whatever asks for the surface waits.
-                                      A device that fails meanwhile is told of by the next call. Default false */
+    float max_weight; /* observations, at 1 m, that a voxel averages; older ones fade. 1..1000; default 100 */
+    /* fathom_step returns as soon as the pose is known, and the frame goes into the surface while the next one is on
+     * its way: the same poses, sooner. Calls that read the surface wait. A device that fails meanwhile is reported
+     * by the next call. Default false. */
+    bool fuse_behind;
+    int64_t max_memory_bytes; /* host and device together. 1048576..1e15; default 128 MB (128 << 20) */
 
-    /* memory */
-    int64_t max_memory_bytes;      /* most bytes, host and device together. Default 128 MB (128 << 20) */
+    /* ---- inertial sensor (Section 3) ---- */
 
-    /* inertial sensor (Section 3) */
-    bool imu;                      /* use inertial samples. Default true; without samples it does no harm */
-    bool imu_translation;          /* use the accelerometer (else translation goes on at constant velocity). Default true */
-    bool imu_check;                /* compare the IMU with the depth frames' motion and stop using it when it is wrong
-                                      (fathom_imu_health). Until it is known to be right, alignment is also tried from the
-                                      last velocity. Default true */
+    bool imu;             /* use inertial samples. Default true; without samples it does no harm */
+    bool imu_translation; /* use the accelerometer; else translation goes on at constant velocity. Default true */
+    /* Compare the IMU with the depth frames' motion and stop using it when it is wrong (fathom_imu_health). Until it
+     * is known to be right, alignment is also tried from the last velocity. Default true. */
+    bool imu_check;
     float imu_to_camera_rotation[9];    /* row-major: v_camera = R v_imu. Default identity */
-    float imu_to_camera_translation[3]; /* the IMU's origin in camera axes, metres. Default zero */
-    int64_t imu_clock_offset_ns;   /* added to an IMU stamp to get the depth clock. Default 0 */
-    bool refine_rig;               /* refine that rotation and that offset while scanning, by comparing the gyroscope with the
-                                      turning of well-aligned frames (fathom_get_rig): for a rig whose values are a little
-                                      wrong, or drift. Default false: they are exact */
-    float rig_rotation_sigma_rad;      /* how wrong they may be then: about each axis, radians; 1e-6..1. Default 0.05 */
-    int64_t rig_clock_sigma_ns;    /* and the offset; 1000..1e9. Default 20 ms */
-    float gravity_m_s2;                 /* m/s^2. Default 9.80665 */
-    float gyro_noise_rad_s_sqrthz;              /* noise density, rad/s/sqrt(Hz), with what scale errors add (a phone's alone: 1e-4).
-                                      Default 5e-3 */
-    float gyro_bias_sigma_rad_s;         /* sigma of the bias before it is known, rad/s. Default 0.02 */
-    float accel_noise_m_s2_sqrthz;             /* noise density, m/s^2/sqrt(Hz), with what scale errors and vibration add. Default 0.05 */
-    float accel_bias_sigma_m_s2;        /* sigma of the bias before it is known, m/s^2. Default 0.1 */
-    float seed_noise_rad, seed_noise_m; /* error of a seed that no noise figure explains (clock jitter, mounting, rolling
-                                      shutter), a step. Default 0.012 and 0.008 */
-    float pose_noise_rad, pose_noise_m; /* error of an accepted pose, beside what alignment says, and of the navigator's way
-                                      from one to the next. Default 0.006 and 0.004 */
-    float motion_sigma_m_s2;      /* how much a hand-held camera's velocity wanders, m/s^2, without an accelerometer.
-                                      Default 1.5 */
-    float motion_sigma_rad_s2;       /* the same for its turning rate without a gyroscope, rad/s^2. Default 3 */
-    float max_reckoned_sigma_m;            /* dead reckoning whose position sigma passes this is called lost. Default 0.5 */
-    int32_t max_imu_samples;          /* samples kept; 0: 4096 */
-    fathom_inertial_hook inertial_hook; /* replaces the library's InertialEstimate. Default NULL. Must outlive the context */
+    float imu_to_camera_translation[3]; /* lever arm: the IMU's origin in camera axes. -10..10 m; default 0, 0, 0 */
+    int64_t imu_clock_offset_ns;        /* added to an IMU stamp to get the depth clock. +-4e18 ns; default 0 */
+    /* Refine that rotation and that offset while scanning, by comparing the gyroscope with the turning of well-
+     * aligned frames (fathom_get_rig): for a rig whose values are a little wrong, or drift. Default false: they are
+     * exact. */
+    bool refine_rig;
+    float rig_rotation_sigma_rad; /* sigma of the rotation about each axis, for refine_rig. 1e-6..1 rad; default 0.05 */
+    int64_t rig_clock_sigma_ns;   /* and of the offset. 1000..1e9 ns; default 20e6 */
+    float gravity_m_s2;           /* 0..100 m/s^2; default 9.80665 */
+    /* Noise density of the gyroscope, with what scale errors add (a phone's alone: 1e-4). 0..10 rad/s/sqrt(Hz);
+     * default 0.005. */
+    float gyro_noise_rad_s_sqrthz;
+    float gyro_bias_sigma_rad_s; /* of the bias before it is known. 0..10 rad/s; default 0.02 */
+    /* Noise density of the accelerometer, with what scale errors and vibration add. 0..100 m/s^2/sqrt(Hz); default
+     * 0.05. */
+    float accel_noise_m_s2_sqrthz;
+    float accel_bias_sigma_m_s2; /* of the bias before it is known. 0..100 m/s^2; default 0.1 */
+    /* Error of a seed, per step, that no noise figure explains (clock jitter, mounting, rolling shutter). 1e-6..10;
+     * default 0.012 rad and 0.008 m. */
+    float seed_noise_rad, seed_noise_m;
+    /* Error of an accepted pose, beside what alignment says, and of the navigator's way from one to the next. 0..1;
+     * default 0.006 rad and 0.004 m. */
+    float pose_noise_rad, pose_noise_m;
+    /* a hand-held camera's acceleration, without an accelerometer. 0..1000 m/s^2; default 1.5 */
+    float motion_sigma_m_s2;
+    float motion_sigma_rad_s2; /* its angular acceleration, without a gyroscope. 0..1000 rad/s^2; default 3 */
+    /* dead reckoning whose position sigma is larger is called lost. 0.001..1000 m; default 0.5 */
+    float max_reckoned_sigma_m;
+    int32_t max_imu_samples;    /* samples kept. 0..16777216; default 0: 4096 */
+    /* replaces the library's InertialEstimate. Default NULL. Must outlive the context */
+    fathom_inertial_hook inertial_hook;
     void *inertial_user;
 
-    /* start */
-    fathom_pose first_pose;        /* the first frame's pose. Default identity */
+    /* ---- start ---- */
 
-    /* OpenCL */
-    const char *device;            /* "", or a part of a platform's or device's name, or "cpu", "gpu". NULL: "": the first
-                                      GPU that shares the host's memory, else the first device. Read during init only */
-    int32_t buffers;               /* fathom_buffers. Default FATHOM_BUFFERS_AUTO */
-    const char *kernel_file;       /* kernels that fathom_save_kernels wrote on a machine of the same kind; another device,
-                                      driver or library version than theirs is FATHOM_ERROR_KERNEL. NULL: built from source, or
-                                      from the cache. Read during init only */
-    const char *cache_folder;      /* where built kernels are kept; NULL: $XDG_CACHE_HOME/fathom or ~/.cache/fathom;
-                                      "": no cache. Read during init only */
+    fathom_pose first_pose; /* of the first frame's camera; within 1e6 m. Default identity */
 
-    /* log */
-    fathom_log log;                /* NULL: silent. Must outlive the context */
+    /* ---- OpenCL ---- */
+
+    /* "", or a part of a platform's or device's name, or "cpu", "gpu". Default NULL: as "", the first GPU that
+     * shares the host's memory, else the first device. Read during init only. */
+    const char *device;
+    int32_t buffers; /* fathom_buffers; default FATHOM_BUFFERS_AUTO */
+    /* Kernels that fathom_save_kernels wrote on a machine of the same kind; another device, driver or library
+     * version than theirs is FATHOM_ERROR_KERNEL. Default NULL: built from source, or from the cache. Read during
+     * init only. */
+    const char *kernel_file;
+    /* Where built kernels are kept. Default NULL: $XDG_CACHE_HOME/fathom or ~/.cache/fathom; "": no cache. Read
+     * during init only. */
+    const char *cache_folder;
+
+    /* ---- log ---- */
+
+    fathom_log log; /* default NULL: silent. Must outlive the context */
     void *log_user;
 } fathom_config;
 
@@ -386,6 +426,48 @@ typedef enum {
  * for NULL, an impossible size or a preset that doesn't exist (then *config has the default settings). Any thread. */
 #define fathom_config_preset(config, preset) fathom_config_preset_sized((config), sizeof *(config), (preset))
 FATHOM_API int fathom_config_preset_sized(fathom_config *config, size_t size, int32_t preset);
+
+/* ---- settings by name -------------------------------------------------------------------------------------------- */
+
+typedef enum {
+    FATHOM_SETTING_FLOAT = 0,
+    FATHOM_SETTING_DOUBLE = 1,
+    FATHOM_SETTING_INT32 = 2,
+    FATHOM_SETTING_INT64 = 3,
+    FATHOM_SETTING_BOOL = 4, /* "off" or "on"; "false" and "true" are read, too */
+    FATHOM_SETTING_WORD = 5, /* an int32_t enumeration; one of words */
+    FATHOM_SETTING_TEXT = 6  /* a const char *; "default" stands for NULL */
+} fathom_setting_type;
+
+/* What is known of a setting. Every field of fathom_config has one, each element of an array its own, but for struct_size,
+ * callbacks and their user pointers. Texts are static. */
+typedef struct {
+    uint32_t struct_size;
+    int32_t type;          /* fathom_setting_type */
+    const char *name;      /* as in C: "voxel_m", "max_iterations[0]", "depth_camera.fx" */
+    const char *group;     /* "Alignment" */
+    const char *unit;      /* "m", "rad/s"; "" for numbers without one */
+    const char *words;     /* of a word or a bool, by value, with bars between them: "model|previous"; else "" */
+    const char *meaning;   /* a line in English */
+    double min, max;       /* the range, both ends allowed; 0, 0 for a text */
+    char default_text[64]; /* as fathom_config_set takes it */
+    char range_text[64];   /* "0.001..1", "model|previous", "text" */
+    bool zero;             /* 0 is allowed outside that range, too */
+} fathom_setting;
+
+/* Setting number index, from 0 on, in the order of the manual. FATHOM_ERROR_NO_DATA beyond the last. Any thread. */
+FATHOM_API int fathom_get_setting(int32_t index, fathom_setting *setting);
+
+/* Sets one setting from text: fathom_config_set(&config, "voxel_m", "0.02"). Numbers are written as in C, with a point in
+ * every locale and nothing beside them. A text is not copied: it must live as long as fathom_config says of its field.
+ * Returns FATHOM_OK; FATHOM_ERROR_NAME when there is no such setting, or the caller's struct is too old to have it;
+ * FATHOM_ERROR_VALUE when the text is not a value of its type; FATHOM_ERROR_CONFIG when the value is out of range. On an
+ * error *config is unchanged. Whether settings go together is checked by fathom_init. Any thread. */
+FATHOM_API int fathom_config_set(fathom_config *config, const char *name, const char *value);
+
+/* Writes a setting's value as text that fathom_config_set takes back to the same bits; cut to size, ended by a zero. Returns
+ * the whole text's length, so that size or more means that it was cut, or FATHOM_ERROR_NAME. Any thread. */
+FATHOM_API int fathom_config_get(const fathom_config *config, const char *name, char *text, size_t size);
 
 /* ---- memory and life --------------------------------------------------------------------------------------------- */
 

@@ -94,7 +94,7 @@ static int track(struct calibrate *c, const fathom_recording *rig, const char *w
     config.imu = rig != NULL;
     config.imu_translation = false;
     if (!rig) rig = c->recording;
-    int status = playback_start(&playback, rig, 1, &config, &c->log);
+    int status = playback_start(&playback, rig, 1, &c->settings, &config, &c->log);
     c->path.count = 0;
     cli_progress_start(what, rig->frame_count, c->progress);
     for (int i = 0; i < rig->frame_count && !status; i++)

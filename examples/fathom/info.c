@@ -4,6 +4,7 @@
 #include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
 #include "fathom/shell/log.h"
+#include "fathom/settings_page.h"
 #include "fathom/shell/settings.h"
 
 #include <CL/cl.h>
@@ -75,7 +76,7 @@ static int print_plan(const struct settings *settings, struct cli_log *log) {
 }
 
 struct info {
-    bool plan, verbose;
+    bool plan, list, markdown, verbose;
     struct settings settings;
 };
 
@@ -83,6 +84,9 @@ struct info {
 
 static const struct option_row own[] = {
     {"--plan", NULL, OPTION_FLAG, AT(plan), .help = "also the bytes needed for the given settings"},
+    {"--settings", NULL, OPTION_FLAG, AT(list),
+     .help = "the library's settings instead, for --set: name, unit, range, default, meaning"},
+    {"--markdown", NULL, OPTION_FLAG, AT(markdown), .help = "with --settings: as the page docs/SETTINGS.md"},
     {"--verbose", NULL, OPTION_FLAG, AT(verbose), .help = "say more on stderr"},
     {0}};
 
@@ -93,6 +97,14 @@ static int run(const struct command *command, int argc, char **argv) {
     settings_start(&info.settings);
     const int status = options_read(command, &info, argc, argv);
     if (status) return status;
+    if (info.list) {
+        if (info.markdown)
+            settings_page_markdown();
+        else
+            settings_page_text();
+        return CLI_DONE;
+    }
+    settings_apply_set(&info.settings, &info.settings.config);
     struct cli_log log = {.verbose = info.verbose};
     info.settings.config.log = log_message;
     info.settings.config.log_user = &log;

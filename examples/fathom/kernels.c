@@ -54,6 +54,7 @@ static int run(const struct command *command, int argc, char **argv) {
         config->depth_camera.width = kernels.depth.width;
         config->depth_camera.height = kernels.depth.height;
     }
+    settings_apply_set(&kernels.settings, config);
     config->log = log_message;
     config->log_user = &log;
     return save(&kernels.settings, kernels.file, &log);

@@ -16,16 +16,7 @@ int fathom_config_init_sized(fathom_config *config, size_t size) {
 }
 
 int fathom_config_preset_sized(fathom_config *config, size_t size, int32_t preset) {
-    fathom_config c = config_default();
-    if (preset == FATHOM_PRESET_TINY) {
-        c.max_align_width = 160;
-        c.voxel_m = 0.02f;
-        c.max_memory_bytes = (int64_t)64 << 20;
-    } else if (preset == FATHOM_PRESET_LARGE) {
-        c.max_align_width = 640;
-        c.voxel_m = 0.008f;
-        c.max_memory_bytes = (int64_t)256 << 20;
-    }
+    const fathom_config c = config_preset(preset);
     const int e = fill(config, size, &c);
     return e == FATHOM_OK && (preset < FATHOM_PRESET_TINY || preset > FATHOM_PRESET_LARGE) ? FATHOM_ERROR_ARGUMENT : e;
 }

@@ -23,6 +23,8 @@ const char *fathom_error_name(int32_t error) {
         NAME(FATHOM_ERROR_STOPPED);
         NAME(FATHOM_ERROR_NO_DATA);
         NAME(FATHOM_ERROR_FULL);
+        NAME(FATHOM_ERROR_NAME);
+        NAME(FATHOM_ERROR_VALUE);
         NAME(FATHOM_ERROR_WRITE);
         NAME(FATHOM_ERROR_TIMEOUT);
         NAME(FATHOM_ERROR_CANCELLED);

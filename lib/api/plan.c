@@ -42,14 +42,14 @@ int plan_make(fathom *f, const fathom_config *given, fathom_memory_plan *plan) {
     int64_t device_bytes, fixed = bytes_with(f, 1, &device_bytes) + device_bytes;
     if (blocks == 0) {
         int64_t room = (config->max_memory_bytes - fixed) / (int64_t)volume_block_cost();
-        blocks = (int)(room < CONFIG_BLOCKS_MOST ? room : CONFIG_BLOCKS_MOST);
+        blocks = (int)(room < CONFIG_MAX_BLOCKS ? room : CONFIG_MAX_BLOCKS);
     }
     int64_t host_bytes = bytes_with(f, blocks > 0 ? blocks : 1, &device_bytes);
-    if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->max_memory_bytes) {
+    if (blocks < CONFIG_MIN_BLOCKS || host_bytes + device_bytes > config->max_memory_bytes) {
         log_write(config, FATHOM_LOG_ERROR,
                    "max_memory_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
                    (double)config->max_memory_bytes / 1048576, (double)fixed / 1048576,
-                   blocks > CONFIG_BLOCKS_LEAST ? blocks : CONFIG_BLOCKS_LEAST);
+                   blocks > CONFIG_MIN_BLOCKS ? blocks : CONFIG_MIN_BLOCKS);
         return FATHOM_ERROR_MEMORY;
     }
     plan->host_bytes = host_bytes;

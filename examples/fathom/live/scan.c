@@ -186,6 +186,7 @@ static int run(const struct command *command, int argc, char **argv) {
     status = live_rig_open(&scan.rig, &scan.live, &scan.rig_log);
     if (!status) status = live_rig_configure(&scan.rig, &scan.live, config, &scan.rig_log);
     if (!status) override_rig(&scan.settings);
+    if (!status) settings_apply_set(&scan.settings, config);
     if (!status) status = open_files(&scan);
     if (!status) status = start_library(&scan);
     if (!status)

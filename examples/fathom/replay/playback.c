@@ -89,10 +89,11 @@ void playback_choose_voxel(const fathom_recording *recording, struct settings *s
 }
 
 int playback_start(struct playback *playback, const fathom_recording *recording, int stride,
-                   fathom_config *config, struct cli_log *log) {
+                   const struct settings *settings, fathom_config *config, struct cli_log *log) {
     fathom_recording_configure(recording, config);
     const int capacity = imu_capacity(recording, stride);
     if (capacity > 4096) config->max_imu_samples = capacity;
+    settings_apply_set(settings, config);
     config->log = log_message;
     config->log_user = log;
     log_clear(log);

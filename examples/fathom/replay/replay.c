@@ -48,6 +48,7 @@ static int start_library(struct replay *replay) {
     const fathom_memory_plan *plan = &replay->playback.plan;
     playback_choose_voxel(replay->recording, &replay->options.settings);
     const int status = playback_start(&replay->playback, replay->recording, (int)replay->options.stride,
+                                      &replay->options.settings,
                                       &replay->options.settings.config, &replay->log);
     if (!status && replay->options.verbose)
         cli_note("on %s: %" PRId64 " bytes of host memory, %" PRId64

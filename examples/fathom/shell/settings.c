@@ -1,6 +1,7 @@
 #include "fathom/shell/settings.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/option_values.h"
+#include "fathom/shell/set_option.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -120,6 +121,22 @@ static bool set_size(void *into, const char *option, const char *text) {
     return true;
 }
 
+static bool set_any(void *into, const char *option, const char *text) {
+    struct settings *settings = into;
+    if (settings->set_count == MAX_SET) {
+        cli_error(CLI_USAGE, "%s: given more than %d times", option, MAX_SET);
+        return false;
+    }
+    if (!set_option_apply(option, text, &settings->config)) return false;
+    if (set_option_names(text, "voxel_m")) settings->voxel = (double)settings->config.voxel_m;
+    settings->set[settings->set_count++] = text;
+    return true;
+}
+
+void settings_apply_set(const struct settings *settings, fathom_config *config) {
+    for (int i = 0; i < settings->set_count; i++) set_option_apply("--set", settings->set[i], config);
+}
+
 /* ---- the tables ---- */
 
 #define AT(field) offsetof(struct settings, field)
@@ -175,3 +192,8 @@ const struct option_row settings_device[] = {
      .help = "built kernels, as fathom kernels wrote them, instead of a compiler"},
     {0}};
 
+const struct option_row settings_any[] = {
+    {"--set", "NAME=VALUE", OPTION_PARSED, .parse = set_any,
+     .help = "any setting of the library, several times if need be; fathom info --settings lists them: name, unit, range, "
+             "default, meaning. It wins over options, rig.txt and calibration.txt"},
+    {0}};
