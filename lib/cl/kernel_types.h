@@ -30,8 +30,8 @@ typedef struct {
 /* opencl/maps.cl */
 typedef struct {
     cl_float fx, fy, cx, cy;
-    cl_float k1, k2, p1, p2, k3;
-    cl_int distorted;
+    cl_float k1, k2, p1, p2, k3, k4, k5, k6;
+    cl_int lens;
     cl_int width, height;
     cl_int factor;
     cl_float metres_per_unit;

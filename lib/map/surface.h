@@ -25,9 +25,9 @@ int64_t surface_extract(surface_output *s, device *d, volume *v, float min_weigh
 /* Runs both kernels on the first block. */
 void surface_warm_up(surface_output *s, device *d, volume *v);
 
-/* Each of depth, normals and rgb may be NULL. */
+/* Each of depth and normals may be NULL. */
 int surface_view(surface_output *s, device *d, volume *v, const fathom_view *view,
-                 const pose *camera_to_world, float *depth, float *normals, uint8_t *rgb);
+                 const pose *camera_to_world, float *depth, float *normals);
 
 /* Marching cubes' table: for each of 256 cases up to five triangles as edges, then 255; see opencl/surface.cl. */
 void surface_cases(uint8_t table[256 * 16]);
