@@ -75,9 +75,9 @@ static bool maps_hold(const fathom *f, const pose *seed, int coarsest) {
 
 /* The surface as it looks from the seed, near the scan; a good seed needs no more than what is very near. */
 static void cast_maps(fathom *f, const pose *seed, int coarsest, double sigma_m, bool seeded) {
-    volume_raycast_near(&f->volume, &f->device, &f->maps, seed, align_reach(&f->aligner, coarsest, sigma_m),
+    raycast_near(&f->raycaster, &f->device, &f->maps, seed, align_reach(&f->aligner, coarsest, sigma_m),
                         !seeded, &f->aligner.model[FINEST]);
-    volume_halve_maps(&f->volume, &f->device, f->maps.camera, f->aligner.model, coarsest);
+    raycast_halve(&f->raycaster, &f->device, f->maps.camera, f->aligner.model, coarsest);
     device_wait(&f->device);
     f->reference = *seed;
 }
@@ -125,24 +125,24 @@ void fuse(fathom *f, const pose *at, fathom_result *r) {
     pose way = pose_between(&f->fused, at);
     bool calm = f->started && pose_distance(&way) < CALM_M && pose_angle(&way) < CALM_RAD;
     f->fused = *at;
-    int64_t dropped = f->volume.dropped, restored = f->volume.restored;
-    int wanted = volume_request(&f->volume, &f->device, &f->maps, at, calm);
+    int64_t dropped = f->store.dropped, restored = f->store.restored;
+    int wanted = integrator_request(&f->integrator, &f->device, &f->volume, &f->maps, at, calm);
     if (wanted > 0) {
         bool drop = f->config.when_full == FATHOM_FULL_DROP;
-        if (drop && f->volume.count + wanted > f->volume.capacity)
-            eviction_make_room(&f->volume, &f->device, &f->config, wanted);
-        int first = volume_allocate(&f->volume, &f->device);
-        if (drop) eviction_restore(&f->volume, &f->device, &f->config, first);
+        if (drop && f->volume.pool.count + wanted > f->volume.pool.capacity)
+            eviction_make_room(&f->volume, &f->device, &f->integrator, &f->store, wanted);
+        int first = integrator_allocate(&f->integrator, &f->device, &f->volume);
+        if (drop) eviction_restore(&f->volume, &f->device, &f->store, first);
     }
-    volume_fuse(&f->volume, &f->device, &f->maps, at, calm);
+    integrator_fuse(&f->integrator, &f->device, &f->volume, &f->maps, at, calm);
     if (f->config.fuse_behind)
         device_flush(&f->device);
     else
         device_wait(&f->device);
     r->fused = true;
-    r->pool_full = f->volume.full;
-    r->blocks_dropped = (int)(f->volume.dropped - dropped);
-    r->blocks_restored = (int)(f->volume.restored - restored);
+    r->pool_full = f->integrator.full;
+    r->blocks_dropped = (int)(f->store.dropped - dropped);
+    r->blocks_restored = (int)(f->store.restored - restored);
     r->ms_fuse = (float)(now_ms() - start);
 }
 
@@ -189,7 +189,7 @@ static bool nothing_in_view(fathom *f, const pose *seed) {
     if (f->result.state < FATHOM_RECKONED || f->config.against != FATHOM_AGAINST_MODEL) return false;
     const kernel_camera *c = &f->maps.camera[FINEST];
     double pixels = (double)c->width * c->height;
-    return pixels * model_view_part(&f->view, &f->device, &f->volume, seed) <
+    return pixels * model_view_part(&f->view, &f->device, &f->raycaster, seed) <
            least_pairs(&f->config, c->width * c->height);
 }
 
@@ -234,7 +234,7 @@ void attempt(fathom *f, const fathom_depth_frame *scan, const pose *seed, const 
     if (r->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident) {
         comparison k;
         double start = now_ms();
-        model_view_compare(&f->view, &f->device, &f->maps, &f->volume, &icp->motion,
+        model_view_compare(&f->view, &f->device, &f->maps, &f->raycaster, &icp->motion,
                            c->agreement_m + c->voxel_m, &k);
         r->agreement = k.visible > 0 ? k.agree / k.visible : 0;
         r->see_through = k.visible > 0 ? k.through / k.visible : 0;
@@ -258,7 +258,7 @@ static void search(fathom *f, const fathom_depth_frame *scan, const pose *seed, 
     if (!failed(r) || f->config.against != FATHOM_AGAINST_MODEL || position_sigma(predicted) < SEARCH_SIGMA_M)
         return;
     double start = now_ms();
-    int found = search_about(&f->aligner, &f->device, &f->maps, &f->view, &f->volume, seed, predicted,
+    int found = search_about(&f->aligner, &f->device, &f->maps, &f->view, &f->raycaster, seed, predicted,
                              &f->drawn, best);
     r->searched = true;
     r->ms_align += (float)(now_ms() - start);
@@ -318,7 +318,7 @@ static void first_step(fathom *f, const fathom_depth_frame *scan, fathom_result 
         return;
     }
     if (has_depth(&f->config, scan)) fuse(f, &f->pose, r);
-    r->fused = f->started = f->volume.count > 0;
+    r->fused = f->started = f->volume.pool.count > 0;
     r->state = f->started ? FATHOM_FIRST : FATHOM_RECKONED;
     r->verdict = f->started ? FATHOM_VERDICT_TRACKING : FATHOM_VERDICT_NO_DEPTH;
     if (!f->started) return;
@@ -389,7 +389,7 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     f->timestamp_ns = scan->timestamp_ns;
     pose_to_matrix(&f->pose, r->pose);
     for (int i = 0; i < 36; i++) r->covariance[i] = (float)f->covariance[i];
-    r->blocks = f->volume.count;
+    r->blocks = f->volume.pool.count;
     r->gyro_health = f->inertial.check.gyro.health;
     r->accel_health = f->inertial.check.accel.health;
     r->ms_total = (float)(now_ms() - start);

@@ -6,9 +6,9 @@
 #include "inertial/inertial.h"
 #include "tracking/verdict.h"
 #include "tracking/relocalise.h"
-#include "map/surface.h"
 #include "tracking/predicted_view.h"
-#include "map/volume.h"
+#include "map/eviction.h"
+#include "map/view.h"
 #include "map/whole_mesh.h"
 
 struct fathom {
@@ -16,11 +16,15 @@ struct fathom {
     device device;
     depth_maps maps;
     volume volume;
+    integrator integrator;
+    raycaster raycaster;
     aligner aligner;
     model_view view;
     inertial inertial;
-    surface_output surface;
+    mesher mesher;
     volume patch; /* of the whole mesh */
+    viewer viewer;
+    caller_store store;
     int64_t arena_bytes;
 
     pose pose;             /* M of Figure 2: the last frame's camera to world */

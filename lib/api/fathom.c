@@ -51,15 +51,25 @@ const char *fathom_imu_health_name(fathom_imu_health health) {
 
 /* ---- layout ------------------------------------------------------------------------------------------------------------- */
 
+/* Tiles of the largest view that is ray-cast: the finest maps, and the wide view, which may be larger. */
+static int most_tiles(const fathom *f) {
+    int finest = kernel_tiles(&f->maps.camera[FINEST]), wide = kernel_tiles(&f->view.wide);
+    return finest > wide ? finest : wide;
+}
+
 /* Lays all parts out: only counts while the device isn't open and the arena has no base. */
 static void layout(fathom *f, arena *a, int blocks) {
     depth_maps_init(&f->maps, &f->device, a, &f->config);
     aligner_init(&f->aligner, &f->device, a, &f->config, &f->maps);
-    surface_init(&f->surface, &f->device, a, &f->maps);
+    mesher_init(&f->mesher, &f->device, a);
+    viewer_init(&f->viewer, &f->device, a, &f->maps);
     model_view_init(&f->view, &f->device, a, &f->config, &f->maps);
+    raycaster_init(&f->raycaster, &f->device, a, &f->volume, most_tiles(f));
+    integrator_init(&f->integrator, &f->device, a, &f->config, &f->maps);
+    store_init(&f->store, &f->config);
     inertial_init(&f->inertial, a, &f->config);
     whole_mesh_init(&f->patch, &f->device, a, &f->config);
-    volume_init(&f->volume, &f->device, a, &f->config, &f->maps, blocks);
+    volume_init(&f->volume, &f->device, a, &f->config, blocks);
 }
 
 static int64_t bytes_with(fathom *f, int blocks, int64_t *device_bytes) {
@@ -120,8 +130,11 @@ int64_t fathom_memory_required(const fathom_config *config) {
 
 static void close_parts(fathom *f) {
     volume_close(&f->volume);
+    integrator_close(&f->integrator);
+    raycaster_close(&f->raycaster);
     whole_mesh_close(&f->patch);
-    surface_close(&f->surface);
+    mesher_close(&f->mesher);
+    viewer_close(&f->viewer);
     model_view_close(&f->view);
     aligner_close(&f->aligner);
     depth_maps_close(&f->maps);
@@ -130,6 +143,7 @@ static void close_parts(fathom *f) {
 
 static void start_over(fathom *f) {
     volume_clear(&f->volume, &f->device);
+    integrator_clear(&f->integrator);
     inertial_drain(&f->inertial);
     inertial_reset(&f->inertial);
     pose_from_matrix(f->config.first_pose, &f->pose);
@@ -249,7 +263,7 @@ int fathom_step(fathom *f, const fathom_depth_frame *frame, fathom_result *resul
         f->said_full = true;
         device_log(&f->config, FATHOM_LOG_WARNING,
                    "the block pool is full (%d blocks): the surface no longer grows, tracking goes on",
-                   f->volume.capacity);
+                   f->volume.pool.capacity);
     }
     return f->device.error;
 }
@@ -286,9 +300,9 @@ int fathom_get_counters(fathom *f, fathom_counters *counters) {
     counters->imu_implausible += atomic_load(&f->inertial.absurd);
     counters->imu_overrun = atomic_load(&f->inertial.overrun);
     counters->frames_ignored = f->frames_ignored;
-    counters->blocks_dropped = f->volume.dropped;
-    counters->blocks_restored = f->volume.restored;
-    counters->blocks_refused = f->volume.refused;
+    counters->blocks_dropped = f->store.dropped;
+    counters->blocks_restored = f->store.restored;
+    counters->blocks_refused = f->integrator.refused;
     return FATHOM_OK;
 }
 
@@ -309,20 +323,20 @@ int fathom_model_maps(fathom *f, const fathom_view *view, float *depth, float *n
     int e = view_check(f, view, &at);
     return e != FATHOM_OK
                ? e
-               : surface_view(&f->surface, &f->device, &f->volume, view, &at, depth, normals, NULL);
+               : view_render(&f->viewer, &f->device, &f->raycaster, view, &at, depth, normals, NULL);
 }
 
 int fathom_shaded_view(fathom *f, const fathom_view *view, uint8_t *rgb) {
     pose at;
     if (!f || !view || !rgb) return FATHOM_ERROR_ARGUMENT;
     int e = view_check(f, view, &at);
-    return e != FATHOM_OK ? e : surface_view(&f->surface, &f->device, &f->volume, view, &at, NULL, NULL, rgb);
+    return e != FATHOM_OK ? e : view_render(&f->viewer, &f->device, &f->raycaster, view, &at, NULL, NULL, rgb);
 }
 
 int64_t fathom_extract_mesh(fathom *f, float min_weight, fathom_triangles triangles, void *user) {
     if (!f || !triangles || !(min_weight >= 0)) return FATHOM_ERROR_ARGUMENT;
     if (f->device.error != FATHOM_OK) return f->device.error;
-    return surface_extract(&f->surface, &f->device, &f->volume, min_weight, triangles, user);
+    return mesh_extract(&f->mesher, &f->device, &f->volume, min_weight, triangles, user);
 }
 
 int64_t fathom_extract_whole_mesh(fathom *f, float min_weight, const int32_t *dropped, size_t count,
@@ -330,7 +344,7 @@ int64_t fathom_extract_whole_mesh(fathom *f, float min_weight, const int32_t *dr
     const int32_t most = 1 << 27; /* voxels are counted in 32 bits */
     if (count == 0) return fathom_extract_mesh(f, min_weight, triangles, user);
     if (!f || !triangles || !dropped || !(min_weight >= 0)) return FATHOM_ERROR_ARGUMENT;
-    if (f->patch.capacity == 0 || !f->config.block_in) {
+    if (f->patch.pool.capacity == 0 || !f->config.block_in) {
         device_log(&f->config, FATHOM_LOG_ERROR,
                    "a mesh of dropped blocks needs FATHOM_FULL_DROP and block_in");
         return FATHOM_ERROR_ARGUMENT;
@@ -338,6 +352,6 @@ int64_t fathom_extract_whole_mesh(fathom *f, float min_weight, const int32_t *dr
     for (size_t i = 0; i < 3 * count; i++)
         if (dropped[i] < -most || dropped[i] > most) return FATHOM_ERROR_ARGUMENT;
     if (f->device.error != FATHOM_OK) return f->device.error;
-    return whole_mesh_extract(&f->patch, &f->volume, &f->surface, &f->device, dropped, count, min_weight,
+    return whole_mesh_extract(&f->patch, &f->volume, &f->mesher, &f->device, &f->store, dropped, count, min_weight,
                               triangles, user);
 }

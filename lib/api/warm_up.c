@@ -14,17 +14,16 @@ void warm_up(fathom *f) {
                      centre, &e);
     }
     /* a block in front of the camera */
-    volume_request(v, d, &f->maps, &here, false);
-    volume_allocate(v, d);
-    device_clear(d, &v->blocks);
-    volume_clear_blocks(v, d, 0, 1);
-    v->count = 1;
-    volume_fuse(v, d, &f->maps, &here, false);
-    volume_raycast_near(v, d, &f->maps, &here, 0.1f, true, &f->aligner.model[FINEST]);
-    volume_halve_maps(v, d, f->maps.camera, f->aligner.model, 0);
-    model_view_cast(&f->view, d, v, &here);
-    model_view_cast_wide(&f->view, d, v, &here);
-    surface_warm_up(&f->surface, d, v);
+    integrator_request(&f->integrator, d, v, &f->maps, &here, false);
+    integrator_allocate(&f->integrator, d, v);
+    device_clear(d, &v->pool.keys);
+    integrator_clear_blocks(&f->integrator, d, v, 0, 1);
+    v->pool.count = 1;
+    integrator_fuse(&f->integrator, d, v, &f->maps, &here, false);
+    raycast_near(&f->raycaster, d, &f->maps, &here, 0.1f, true, &f->aligner.model[FINEST]);
+    raycast_halve(&f->raycaster, d, f->maps.camera, f->aligner.model, 0);
+    model_view_cast(&f->view, d, &f->raycaster, &here);
+    model_view_cast_wide(&f->view, d, &f->raycaster, &here);
+    mesh_warm_up(&f->mesher, d, v);
     device_wait(d);
-    volume_clear(v, d);
 }

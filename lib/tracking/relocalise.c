@@ -102,14 +102,14 @@ static void refine(aligner *a, device *d, depth_maps *maps, model_view *w, hypot
     }
 }
 
-int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, volume *v, const pose *seed,
+int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, raycaster *r, const pose *seed,
                  const double covariance[36], unsigned *drawn, pose best[SEARCH_BEST]) {
     hypothesis kept[KEPT], refined[SEARCH_BEST];
     double l[36], sigma = largest_sigma(covariance), shrink = fmin(1, MOST_SIGMA / sigma);
     int count = 0, found = 0, tries = sigma < 0.05 ? 24 : sigma < 0.2 ? 64 : 128;
     normal_equations e;
     factor(covariance, l);
-    model_view_cast_wide(w, d, v, seed);
+    model_view_cast_wide(w, d, r, seed);
     for (int i = 0; i < tries; i++) {
         double z[6], twist[6];
         draw((*drawn)++, z);

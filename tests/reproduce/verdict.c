@@ -77,7 +77,7 @@ static void inject(uint64_t key, int number, struct injection *in) {
 
 static void compare(fathom *f, const pose *at, comparison *k) {
     const fathom_config *c = &f->config;
-    model_view_compare(&f->view, &f->device, &f->maps, &f->volume, at, c->agreement_m + c->voxel_m, k);
+    model_view_compare(&f->view, &f->device, &f->maps, &f->raycaster, at, c->agreement_m + c->voxel_m, k);
 }
 
 /* What alignment would say of a pose if it stopped there. */
@@ -93,7 +93,7 @@ static void judge_in_place(fathom *f, const pose *at, const double covariance[36
     comparison k;
     const double sigma = sqrt(covariance[35]), reach = fmax(c->pair_distance_m, 3 * sigma);
     memset(icp, 0, sizeof *icp);
-    volume_raycast_near(&f->volume, &f->device, &f->maps, at, (float)reach, true, &f->aligner.model[FINEST]);
+    raycast_near(&f->raycaster, &f->device, &f->maps, at, (float)reach, true, &f->aligner.model[FINEST]);
     align_reduce(&f->aligner, &f->device, &f->maps, FINEST, &here, &f->aligner.model[FINEST], camera, reach,
                  c->huber_m, centre, &e);
     icp->motion = *at;
