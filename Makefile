@@ -38,15 +38,13 @@ KERNELS_FIRST = opencl/layout.h opencl/common.cl opencl/blocks.cl
 KERNELS     = $(KERNELS_FIRST) $(filter-out $(KERNELS_FIRST),$(sort $(wildcard opencl/*.cl)))
 # Sources of a folder and of those in it.
 sources_in  = $(sort $(foreach f,$(1),$(wildcard $(f)/*.c $(f)/*.cpp $(f)/*/*.c $(f)/*/*.cpp $(f)/*/*/*.c)))
-CHECK_SRC   = $(wildcard lib/selftest/*.c)
-LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(filter-out $(CHECK_SRC),$(call sources_in,lib))) $(BUILD)/kernels.o
+LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,lib)) $(BUILD)/kernels.o
 DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/camera/openni2_%.c) $(if $(filter 1,$(WITH_HIDAPI)),,drivers/imu/hid_source.c) \
               $(if $(filter 1,$(WITH_LIBUSB)),,drivers/imu/usb_source.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/imu/iio_source.c) \
               $(if $(filter 1,$(WITH_UDP)),,drivers/imu/udp_source.c)
 DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$(WITH_$(w)))
 DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(call sources_in,drivers)))
-CHECK_OBJ   = $(patsubst %,$(BUILD)/%.o,$(CHECK_SRC))
-CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,examples/fathom examples/simulate examples/calibrate)) $(CHECK_OBJ)
+CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,examples/fathom examples/simulate examples/calibrate))
 LIB_SO      = $(BUILD)/libfathom.so.$(VERSION)
 DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm
@@ -63,7 +61,7 @@ say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 .PHONY: all deps demo check bench bench-scale instructions reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
-all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom
+all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom $(BUILD)/minimal
 
 .PHONY: deps-check
 deps-check:
@@ -127,6 +125,11 @@ $(BUILD)/fathom: $(CLI_OBJ) $(DRIVERS_OBJ) $(LIB_OBJ)
 	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 
+# The README's program, as a user would link it.
+$(BUILD)/minimal: $(BUILD)/examples/minimal.c.o $(BUILD)/libfathom.a
+	$(call say,LD)
+	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(LIB_LIBS)
+
 # ---- house ----------------------------------------------------------------------------------------------------------
 
 help:
@@ -135,6 +138,7 @@ help:
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
 	@echo "make fuzz       the parsers of device data under libFuzzer, ten minutes each (FUZZ_SECONDS=)"
+	@echo "make mutants    careless changes in a copy: does a unit test see each? goes on where it stopped (MUTANTS='--count 240 --seed 1')"
 	@echo "make check-vm   the drivers against the kernel's HID and USB in a virtual machine"
 	@echo "make soak       a minute each of scanning and recording at full rate, by hand only (SOAK_SECONDS=)"
 	@echo "make bench      speed beside other systems and the machine's limit (BENCH=--results: into docs/SPEED.md)"
@@ -189,6 +193,9 @@ install: all
 	install -m 644 $(BUILD)/libfathom.a $(DRIVERS_A) $(DESTDIR)$(PREFIX)/lib/
 	install -m 644 lib/fathom.h drivers/fathom_drivers.h $(DESTDIR)$(PREFIX)/include/
 	install -m 755 $(BUILD)/fathom $(DESTDIR)$(PREFIX)/bin/
+	install -d $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/bash-completion/completions
+	$(BUILD)/fathom --man > $(DESTDIR)$(PREFIX)/share/man/man1/fathom.1
+	$(BUILD)/fathom --completion bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/fathom
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' lib/fathom.pc.in > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@VERSION@|$(VERSION)|' -e 's|@LIBS@|$(DRIVERS_LIBS)|' drivers/fathom-drivers.pc.in \
 	    > $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
@@ -199,6 +206,7 @@ uninstall:
 	rm -f $(DESTDIR)$(PREFIX)/lib/libfathom.so* $(DESTDIR)$(PREFIX)/lib/libfathom.a $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.a
 	rm -f $(DESTDIR)$(PREFIX)/include/fathom.h $(DESTDIR)$(PREFIX)/include/fathom_drivers.h
 	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
+	rm -f $(DESTDIR)$(PREFIX)/share/man/man1/fathom.1 $(DESTDIR)$(PREFIX)/share/bash-completion/completions/fathom
 	rm -f $(addprefix $(DESTDIR)$(UDEV)/,$(notdir $(wildcard drivers/udev/*.rules)))
 
 clean:
@@ -209,6 +217,11 @@ clean:
 FUZZ_SECONDS ?= 600
 fuzz: deps
 	sh tests/fuzz/run.sh $(BUILD) $(FUZZ_SECONDS)
+
+# Careless changes, one at a time, in copies below $(BUILD)/mutants: the share that the unit tests see, and the survivors.
+.PHONY: mutants
+mutants: deps
+	PYTHONDONTWRITEBYTECODE=1 python3 tests/mutants/mutants.py $(BUILD) $(MUTANTS)
 
 # The drivers against the kernel's own HID and USB stacks, in a virtual machine.
 .PHONY: check-vm
@@ -253,7 +266,8 @@ $(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_OBJ) $(LIB_OBJ)
 VIRTUAL_DEPTH = $(BUILD)/tests/openni2/libVirtualDepth.so.0
 $(BUILD)/tests/openni2/%.cpp.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 $(BUILD)/tests/unit/drivers/test_openni2.c.o $(BUILD)/tests/unit/drivers/test_openni2_parts.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
-$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(DRIVERS_OBJ)
+$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o \
+                  $(filter-out %/folder_source.c.o,$(filter $(BUILD)/drivers/recording/%,$(DRIVERS_OBJ)))
 	$(call say,LD)
 	$(Q)$(CXX) -shared -o $@ $^ $(ALL_LDFLAGS) $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 $(BUILD)/tests/test_openni2: | $(VIRTUAL_DEPTH)
@@ -264,13 +278,15 @@ $(BUILD)/tests/reproduce/%: $(BUILD)/tests/reproduce/%.c.o $(INSIDE)
 	$(Q)$(CXX) -o $@ $^ $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # What make bench measures with beside it.
-$(BUILD)/tests/bench/limit: $(BUILD)/tests/bench/machine_limit.c.o $(BUILD)/tests/bench/stage_work.c.o
+$(BUILD)/tests/bench/limit: $(addprefix $(BUILD)/tests/bench/,machine_limit.c.o stage_work.c.o bench_replay.c.o)
+$(BUILD)/tests/bench/fusion: $(BUILD)/tests/bench/bench_replay.c.o
 $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(filter %.o,$^) $(ALL_LDFLAGS) $(DRIVERS_LIBS) $(LIB_LIBS)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
-HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,tests/bench/heap.c tests/bench/heap_count.c $(addprefix examples/fathom/,playback.c settings.c options.c cli.c log.c))
+HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,$(addprefix tests/bench/,heap.c heap_count.c bench_replay.c) \
+             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c options.c option_values.c help.c cli.c log.c))
 $(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)

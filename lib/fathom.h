@@ -512,6 +512,24 @@ FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom
 FATHOM_API int64_t fathom_extract_whole_mesh(fathom *context, float min_weight, const int32_t *dropped, size_t count,
                                              fathom_triangles triangles, void *user);
 
+/* ---- self-test --------------------------------------------------------------------------------------------------- */
+
+typedef enum {
+    FATHOM_CHECK_PASSED = 0,
+    FATHOM_CHECK_FAILED = 1, /* the kernel writes something else than the reference, or an OpenCL call failed */
+    FATHOM_CHECK_SKIPPED = 2
+} fathom_check;
+
+/* Gets one check's outcome: the kernel's name, and one line on what failed or why it was skipped, else "". The texts are
+ * valid during the call. Returns 0 to go on; anything else stops (FATHOM_ERROR_STOPPED). */
+typedef int (*fathom_selftest_report)(void *user, const char *kernel, fathom_check outcome, const char *why);
+
+/* Runs every OpenCL kernel on the device that the settings choose and compares what it writes with a plain C reference: on
+ * random images of odd sizes, on frames without any depth, at edges and limits. Of the settings only the device, the
+ * buffers, the log, cache_folder and kernel_file matter. Takes some seconds, and some tens of megabytes from the heap,
+ * which it gives back. Any thread. Returns the number of checks that failed, or an error. */
+FATHOM_API int fathom_selftest(const fathom_config *config, fathom_selftest_report report, void *user);
+
 #ifdef __cplusplus
 }
 #endif

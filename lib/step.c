@@ -7,9 +7,10 @@
  */
 #include <math.h>
 #include <string.h>
-#include <time.h>
 
 #include "api/context.h"
+#include "base/covariance.h"
+#include "base/stamps.h"
 #include "map/eviction.h"
 
 #define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
@@ -20,12 +21,6 @@
 
 #define CALM_M 0.03 /* the camera's way from one fused frame to the next */
 #define CALM_RAD 0.04
-
-static double now_ms(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
-}
 
 /* The covariance of pose * motion: the old error seen from the new camera, and the motion's own. */
 static void propagate(const double old[36], const inertial_motion *d, double out[36]) {

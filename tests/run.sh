@@ -1,14 +1,34 @@
 #!/bin/sh
-# Runs all tests of a build and counts: tests/run.sh BUILD. The last line is "N passed, N failed" (", N skipped").
-# Each program prints TAP; what fails is shown in full, the rest stays in BUILD/log.
+# Runs all tests of a build and counts: tests/run.sh BUILD [PATTERN]. The last line is "N passed, N failed" (", N skipped").
+# PATTERN, an extended regular expression, picks programs by their names.
+# Each program prints TAP; what fails is shown in full, the rest stays in BUILD/log. As many programs run at a time as
+# there are processors (JOBS=); what each says is kept whole, and shown in the order of their names.
 set -u
 build=$1
 log=$build/log
-mkdir -p "$log"
-passed=0 failed=0 skipped=0
+here=$(cd "$(dirname "$0")" && pwd)
 
-# run NAME COMMAND...: counts the TAP lines of one program; a program that dies or says nothing counts as a failure.
-run() {
+# ---- one program: sh tests/run.sh BUILD --one NAME KIND COMMAND...
+
+# The machine's own OpenCL platforms, for tests that ask for all of them; others use PoCL alone where it is installed.
+machine() { if [ "${MACHINE_ICD_VENDORS-}" ]; then OCL_ICD_VENDORS=$MACHINE_ICD_VENDORS "$@"; else env -u OCL_ICD_VENDORS "$@"; fi; }
+
+# Runs it again when the leak checker itself crashed, as it does when a runtime's thread ends under it.
+once() {
+    "$@" && return
+    status=$?
+    grep -q "LeakSanitizer has encountered a fatal error" "$log/$name.err" || return $status
+    "$@"
+}
+
+# Under the sanitizers; the OpenCL runtimes' own leaks are not ours.
+san() {
+    ASAN_OPTIONS=detect_leaks=1 LSAN_OPTIONS=suppressions=tests/support/lsan.supp:print_suppressions=0 \
+        UBSAN_OPTIONS=print_stacktrace=1 once "$@"
+}
+
+# Counts the TAP lines; a program that dies or says nothing counts as a failure.
+one() {
     name=$1
     shift
     start=$(date +%s)
@@ -21,37 +41,83 @@ run() {
         bad=$((bad + 1))
         echo "not ok - $name ended with status $status" >>"$log/$name.tap"
     fi
-    echo "$name: $good passed, $bad failed, $skip skipped ($(($(date +%s) - start)) s)"
-    grep -iE '^ok .*# *skip' "$log/$name.tap" | sed 's/^/    /'
-    if [ "$bad" -gt 0 ]; then
-        grep -E -A6 '^not ok ' "$log/$name.tap" | sed 's/^/    /'
-        tail -n 25 "$log/$name.err" | sed 's/^/    /'
-    fi
+    {
+        echo "$name: $good passed, $bad failed, $skip skipped ($(($(date +%s) - start)) s)"
+        grep -iE '^ok .*# *skip' "$log/$name.tap" | sed 's/^/    /'
+        if [ "$bad" -gt 0 ]; then
+            grep -E -A6 '^not ok ' "$log/$name.tap" | sed 's/^/    /'
+            tail -n 25 "$log/$name.err" | sed 's/^/    /'
+        fi
+    } >"$log/$name.said"
+    echo "$good $bad $skip" >"$log/$name.part"
+    mv "$log/$name.part" "$log/$name.count" # there and whole
+}
+
+if [ "${2-}" = --one ]; then
+    shift 2
+    one "$@"
+    exit 0
+fi
+
+# ---- all of them
+
+jobs=${JOBS:-$(nproc 2>/dev/null || echo 1)}
+rm -rf "$log"
+mkdir -p "$log/vendors"
+
+# An OpenCL platform of another vendor leaks and races in its own ways.
+export MACHINE_ICD_VENDORS="${OCL_ICD_VENDORS-}"
+if [ -z "$MACHINE_ICD_VENDORS" ] && ls /etc/OpenCL/vendors/pocl*.icd >/dev/null 2>&1; then
+    cp /etc/OpenCL/vendors/pocl*.icd "$log/vendors/"
+    OCL_ICD_VENDORS=$(cd "$log/vendors" && pwd)/
+    export OCL_ICD_VENDORS
+fi
+
+# PoCL's threads would only be in each other's way; what depends on their number sets it (determinism.sh, test_kernels).
+[ "$jobs" -eq 1 ] || export POCL_MAX_PTHREAD_COUNT="${POCL_MAX_PTHREAD_COUNT:-1}"
+
+# The list of all runs, a line each: name, command.
+list() {
+    for t in "$here"/unit/*/test_*.c; do
+        name=$(basename "$t" .c)
+        all=
+        [ "$name" != test_kernels ] || all=machine
+        if [ -x "$build/tests/$name" ]; then
+            echo "$name $all $build/tests/$name"
+            echo "$name-sanitized san $all $build/sanitize/tests/$name"
+        else
+            echo "$name: not in this build" >&2
+        fi
+    done | sort
+    for t in "$here"/e2e/*.sh; do echo "e2e_$(basename "$t" .sh) sh $t $build"; done
+}
+list | grep -E -e "${2-.}" >"$log/list"
+
+# The longest begin first, so that none is left alone at the end.
+longest="e2e_instructions e2e_accuracy e2e_fuzz e2e_thread_sanitizer e2e_reproduce"
+{
+    for name in $longest; do grep "^$name " "$log/list"; done
+    for name in $longest; do echo "^$name "; done | grep -v -f - "$log/list"
+} >"$log/queue"
+
+xargs -P "$jobs" -L 1 sh "$0" "$build" --one <"$log/queue" &
+workers=$!
+trap 'trap - INT TERM; kill $workers 2>/dev/null; exit 130' INT TERM
+
+passed=0 failed=0 skipped=0
+while read -r name command; do
+    while [ ! -e "$log/$name.count" ]; do
+        sleep 0.2
+        if ! kill -0 $workers 2>/dev/null && [ ! -e "$log/$name.count" ]; then
+            echo "$name: 0 passed, 1 failed, 0 skipped: it was not run ($command)" >"$log/$name.said"
+            echo "0 1 0" >"$log/$name.count"
+        fi
+    done
+    cat "$log/$name.said"
+    read -r good bad skip <"$log/$name.count"
     passed=$((passed + good)) failed=$((failed + bad)) skipped=$((skipped + skip))
-}
-
-# once COMMAND...: runs it again when the leak checker itself crashed, as it does when a runtime's thread ends under it.
-once() {
-    "$@" && return
-    status=$?
-    grep -q "LeakSanitizer has encountered a fatal error" "$log/$name.err" || return $status
-    "$@"
-}
-
-san() { # the same under the sanitizers; the OpenCL runtime's own leaks are not ours
-    name=$1
-    shift
-    ASAN_OPTIONS=detect_leaks=1 LSAN_OPTIONS=suppressions=tests/support/lsan.supp:print_suppressions=0 \
-        UBSAN_OPTIONS=print_stacktrace=1 run "$name" once "$@"
-}
-
-for t in tests/unit/*/test_*.c; do
-    name=$(basename "$t" .c)
-    [ -x "$build/tests/$name" ] || { echo "$name: not in this build" && continue; }
-    run "$name" "$build/tests/$name"
-    san "$name-sanitized" "$build/sanitize/tests/$name"
-done
-for t in tests/e2e/*.sh; do run "e2e_$(basename "$t" .sh)" sh "$t" "$build"; done
+done <"$log/list"
+wait $workers
 
 echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" -eq 0 ]

@@ -134,32 +134,26 @@ int image_read_size(const char *path, int *width, int *height, char *error, size
 /* ---- Writing ---- */
 
 struct picture {
-    const void *pixels;
+    const uint16_t *pixels;
     int width, height;
-    int bits, color_type;
 };
 
 static int write_rows(struct png_job *job, const struct picture *picture) {
     const size_t w = (size_t)picture->width;
     if (setjmp(png_jmpbuf(job->png))) return -1;
     png_init_io(job->png, job->file);
-    png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height,
-                 picture->bits, picture->color_type, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-                 PNG_FILTER_TYPE_DEFAULT);
+    png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height, 16,
+                 PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     /* Level 1 with the one filter that suits smooth depth: libpng's own choice of filters costs five times as
      * long for files that are a few per cent smaller. */
-    png_set_compression_level(job->png, picture->bits == 16 ? 1 : Z_DEFAULT_COMPRESSION);
-    if (picture->bits == 16) png_set_filter(job->png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
+    png_set_compression_level(job->png, 1);
+    png_set_filter(job->png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
     png_write_info(job->png, job->info);
     for (int y = 0; y < picture->height; y++) {
-        if (picture->bits == 16) {
-            const uint16_t *in = (const uint16_t *)picture->pixels + (size_t)y * w;
-            for (size_t x = 0; x < w; x++) {
-                job->row[2 * x] = (png_byte)(in[x] >> 8);
-                job->row[2 * x + 1] = (png_byte)(in[x] & 255);
-            }
-        } else {
-            memcpy(job->row, (const uint8_t *)picture->pixels + (size_t)y * w * 3, w * 3);
+        const uint16_t *in = picture->pixels + (size_t)y * w;
+        for (size_t x = 0; x < w; x++) {
+            job->row[2 * x] = (png_byte)(in[x] >> 8);
+            job->row[2 * x + 1] = (png_byte)(in[x] & 255);
         }
         png_write_row(job->png, job->row);
     }
@@ -186,7 +180,7 @@ static int write_picture(const char *path, const struct picture *picture, char *
         free(part);
         return -1;
     }
-    job.row = malloc((size_t)picture->width * 3);
+    job.row = malloc((size_t)picture->width * 2);
     job.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &job, on_error, on_warning);
     if (job.png) job.info = png_create_info_struct(job.png);
     if (job.row && job.info)
@@ -212,12 +206,6 @@ static int write_picture(const char *path, const struct picture *picture, char *
 
 int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error,
                        size_t error_size) {
-    const struct picture picture = {pixels, width, height, 16, PNG_COLOR_TYPE_GRAY};
-    return write_picture(path, &picture, error, error_size);
-}
-
-int image_write_rgb8(const char *path, const uint8_t *pixels, int width, int height, char *error,
-                     size_t error_size) {
-    const struct picture picture = {pixels, width, height, 8, PNG_COLOR_TYPE_RGB};
+    const struct picture picture = {pixels, width, height};
     return write_picture(path, &picture, error, error_size);
 }

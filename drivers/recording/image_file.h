@@ -1,4 +1,4 @@
-/* 16-bit depth and 8-bit colour pictures in PNG files, by libpng. Internal to drivers/ and examples/. */
+/* 16-bit depth pictures in PNG files, by libpng. Internal to drivers/ and examples/. */
 #ifndef FATHOM_IMAGE_FILE_H
 #define FATHOM_IMAGE_FILE_H
 
@@ -17,7 +17,5 @@ int image_read_size(const char *path, int *width, int *height, char *error, size
 /* Writes width x height pixels; the file appears whole or not at all (written beside its place, then renamed). */
 int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error,
                        size_t error_size);
-int image_write_rgb8(const char *path, const uint8_t *pixels, int width, int height, char *error,
-                     size_t error_size);
 
 #endif

@@ -1,9 +1,10 @@
 /* fathom calibrate: how the IMU sits on the camera and how its clock runs, from a recording that tracks. */
 #include "calibrate/calibration.h"
 #include "simulate/camera_path.h"
-#include "fathom/cli.h"
-#include "fathom/playback.h"
-#include "fathom/rig_file.h"
+#include "fathom/commands.h"
+#include "fathom/shell/cli.h"
+#include "fathom/replay/playback.h"
+#include "calibrate/rig_file.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -19,7 +20,7 @@
 struct calibrate {
     const char *folder, *output, *imu;
     double offset_start, offset_range;
-    bool progress, verbose, help;
+    bool progress, verbose;
     struct settings settings;
     struct cli_log log;
     fathom_recording *recording;
@@ -28,81 +29,6 @@ struct calibrate {
     struct path path;
     struct calibration found;
 };
-
-/* ---- options ------------------------------------------------------------------------------------------- */
-
-static void help(void) {
-    printf(
-        "usage: fathom calibrate FOLDER [options]\n\n"
-        "Estimates, from a recording folder with imu.txt, the IMU's mounting rotation, the offset of its\n"
-        "clock and, where the motion shows them, its place on the rig; writes them into rig.txt. What\n"
-        "rig.txt says of these is not used. The camera should turn about all its axes, briskly and to\n"
-        "and fro, for ten seconds or more, in front of something it can track.\n\n"
-        "    --output FILE              instead of FOLDER/rig.txt, whose other keys are copied; -: stdout\n"
-        "    --offset-start S           the clock offset is searched for around this (default 0), seconds\n"
-        "    --offset-range S           and as far as this to both sides (default 0.5)\n"
-        "    --imu FILE                 overrides imu.txt\n"
-        "%s"
-        "    --progress                 show progress even when stderr is no terminal\n"
-        "    --verbose                  say more on stderr\n\n"
-        "A table of values, each with one standard deviation, goes to stdout (with --output - to stderr).\n"
-        "Exit status: 0 done, 1 failed, 2 wrong usage or settings, 130 stopped by Ctrl-C, rig.txt "
-        "untouched.\n",
-        settings_help);
-}
-
-static bool take_seconds(struct options *options, double low, double high, double *seconds) {
-    const char *value = options_value(options);
-    return value && cli_parse_double(options->name, value, low, high, seconds);
-}
-
-static bool take_file(struct options *options, const char **file) {
-    *file = options_value(options);
-    if (*file && !**file) {
-        cli_error(CLI_USAGE, "%s needs a value", options->name);
-        *file = NULL;
-    }
-    return *file != NULL;
-}
-
-static bool take_option(struct calibrate *out, struct options *options) {
-    const char *name = options->name;
-    const int taken = settings_take(&out->settings, options);
-    if (taken) return taken > 0;
-    if (strcmp(name, "--output") == 0) return take_file(options, &out->output);
-    if (strcmp(name, "--imu") == 0) return take_file(options, &out->imu);
-    if (strcmp(name, "--offset-start") == 0) return take_seconds(options, -9e9, 9e9, &out->offset_start);
-    if (strcmp(name, "--offset-range") == 0) return take_seconds(options, 0.01, 60, &out->offset_range);
-    if (strcmp(name, "--progress") == 0) return out->progress = options_flag(options);
-    if (strcmp(name, "--verbose") == 0) return out->verbose = options_flag(options);
-    cli_error(CLI_USAGE, "calibrate: unknown option %s; fathom calibrate --help lists them", name);
-    return false;
-}
-
-static int read_options(struct calibrate *out, int argc, char **argv) {
-    struct options options = {.count = argc, .arguments = argv, .at = 1};
-    *out = (struct calibrate){.offset_range = 0.5};
-    settings_start(&out->settings);
-    while (options_next(&options)) {
-        if (strcmp(options.name, "--help") == 0 || strcmp(options.name, "-h") == 0) {
-            help();
-            out->help = true;
-            return CLI_DONE;
-        }
-        if (options.name[0]) {
-            if (!take_option(out, &options)) return CLI_USAGE;
-        } else if (out->folder) {
-            return cli_error(CLI_USAGE, "calibrate: more than one folder: %s and %s", out->folder,
-                             options.value);
-        } else {
-            out->folder = options.value;
-        }
-    }
-    if (!out->folder)
-        return cli_error(CLI_USAGE, "calibrate: no folder given; fathom calibrate --help says how");
-    out->log.verbose = out->verbose;
-    return CLI_DONE;
-}
 
 /* ---- before the first frame ---------------------------------------------------------------------------- */
 
@@ -382,10 +308,32 @@ static int calibrate(struct calibrate *c) {
     return write_rig(c) ? CLI_DONE : CLI_FAILED;
 }
 
-int command_calibrate(int argc, char **argv) {
-    struct calibrate c;
-    int status = read_options(&c, argc, argv);
-    if (status || c.help) return status;
+#define AT(field) offsetof(struct calibrate, field)
+
+static const struct option_row own[] = {
+    {"--output", "FILE|-", OPTION_TEXT, AT(output),
+     .help = "instead of FOLDER/rig.txt, whose other keys are copied; -: stdout"},
+    {"--offset-start", "S", OPTION_NUMBER, AT(offset_start), -9e9, 9e9,
+     .help = "the clock offset is searched for around this (default 0), seconds"},
+    {"--offset-range", "S", OPTION_NUMBER, AT(offset_range), 0.01, 60,
+     .help = "and as far as this to both sides (default 0.5)"},
+    {"--imu", "FILE", OPTION_TEXT, AT(imu), .help = "overrides imu.txt"},
+    {0}};
+
+static const struct option_row said[] = {
+    {"--progress", NULL, OPTION_FLAG, AT(progress), .help = "show progress even when stderr is no terminal"},
+    {"--verbose", NULL, OPTION_FLAG, AT(verbose), .help = "say more on stderr"},
+    {0}};
+
+static const struct option_group groups[] = {
+    {"Calibration", own, 0}, SETTINGS_GROUPS(AT(settings)), {"What is said", said, 0}, {0}};
+
+static int run(const struct command *command, int argc, char **argv) {
+    struct calibrate c = {.offset_range = 0.5};
+    settings_start(&c.settings);
+    int status = options_read(command, &c, argc, argv);
+    if (status) return status;
+    c.log.verbose = c.verbose;
     cli_catch_interrupt();
     status = calibrate(&c);
     fathom_recording_close(c.recording);
@@ -394,3 +342,17 @@ int command_calibrate(int argc, char **argv) {
     free(c.path.points);
     return status;
 }
+
+const struct command command_calibrate = {
+    .name = "calibrate",
+    .summary = "how the IMU sits on the camera, from a recording",
+    .about = "Estimates, from a recording folder with imu.txt, the IMU's mounting rotation, the offset of its clock and, "
+             "where the motion shows them, its place on the rig; writes them into rig.txt. What rig.txt says of these is not "
+             "used. The camera should turn about all its axes, briskly and to and fro, for ten seconds or more, in front of "
+             "something it can track.",
+    .words = {{"folder", AT(folder)}},
+    .groups = groups,
+    .later = "--color",
+    .output = "A table of values, each with one standard deviation, goes to stdout (with --output - to stderr). After Ctrl-C "
+              "rig.txt is untouched.",
+    .run = run};

@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "fathom/path.h"
+#include "fathom/replay/path.h"
 
 #ifdef __cplusplus
 extern "C" {

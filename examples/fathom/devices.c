@@ -1,15 +1,15 @@
 /* fathom devices: what each driver sees, what it lacks, and the fix. */
-#include "fathom/cli.h"
+#include "fathom/commands.h"
+#include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
-#include "fathom/log.h"
-#include "fathom/options.h"
+#include "fathom/shell/log.h"
+#include "fathom/shell/options.h"
 
 #include <stdio.h>
 #include <string.h>
 
 struct listing {
-    bool json;
-    int lines;
+    bool json, verbose;
 };
 
 static const char *kinds_of(unsigned kinds) {
@@ -43,8 +43,7 @@ static void print_json(const fathom_source_info *info) {
 }
 
 static int print_found(void *user, const fathom_source_info *info) {
-    struct listing *listing = user;
-    listing->lines++;
+    const struct listing *listing = user;
     if (listing->json) {
         print_json(info);
         return 0;
@@ -62,35 +61,29 @@ static int print_found(void *user, const fathom_source_info *info) {
     return 0;
 }
 
-static void help(void) {
-    puts("usage: fathom devices [--json]\n\n"
-         "Lists the depth cameras and inertial sensors that each driver sees, and what keeps others from "
-         "being\n"
-         "used, with the fix.\n\n"
-         "    --json     a line of JSON for each\n"
-         "    --verbose  say more on stderr");
-}
+#define AT(field) offsetof(struct listing, field)
 
-int command_devices(int argc, char **argv) {
-    struct options options = {.count = argc, .arguments = argv, .at = 1};
+static const struct option_row own[] = {
+    {"--json", NULL, OPTION_FLAG, AT(json), .help = "a line of JSON for each"},
+    {"--verbose", NULL, OPTION_FLAG, AT(verbose), .help = "say more on stderr"},
+    {0}};
+
+static const struct option_group groups[] = {{"Options", own, 0}, {0}};
+
+static int run(const struct command *command, int argc, char **argv) {
     struct listing listing = {0};
-    struct cli_log log = {0};
-    while (options_next(&options)) {
-        if (strcmp(options.name, "--help") == 0 || strcmp(options.name, "-h") == 0) {
-            help();
-            return CLI_DONE;
-        }
-        if (!options.name[0]) return cli_error(CLI_USAGE, "devices: takes no %s", options.value);
-        if (strcmp(options.name, "--json") == 0) {
-            if (!(listing.json = options_flag(&options))) return CLI_USAGE;
-        } else if (strcmp(options.name, "--verbose") == 0) {
-            if (!(log.verbose = options_flag(&options))) return CLI_USAGE;
-        } else {
-            return cli_error(CLI_USAGE, "devices: unknown option %s; fathom devices --help lists them",
-                             options.name);
-        }
-    }
+    const int status = options_read(command, &listing, argc, argv);
+    if (status) return status;
+    struct cli_log log = {.verbose = listing.verbose};
     const int seen = fathom_sources_enumerate(NULL, print_found, &listing, log_message, &log);
     return seen < 0 ? cli_error(CLI_FAILED, "%s", *log.error ? log.error : fathom_source_error_name(seen))
                     : CLI_DONE;
 }
+
+const struct command command_devices = {
+    .name = "devices",
+    .summary = "depth cameras and inertial sensors, and what they lack",
+    .about = "Lists the depth cameras and inertial sensors that each driver sees, and what keeps others from being used, "
+             "with the fix.",
+    .groups = groups,
+    .run = run};

@@ -1,9 +1,10 @@
 /* fathom info: versions, OpenCL devices, drivers built in, bytes for the given settings. */
 #define CL_TARGET_OPENCL_VERSION 120
-#include "fathom/cli.h"
+#include "fathom/commands.h"
+#include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
-#include "fathom/log.h"
-#include "fathom/settings.h"
+#include "fathom/shell/log.h"
+#include "fathom/shell/settings.h"
 
 #include <CL/cl.h>
 #include <inttypes.h>
@@ -11,15 +12,6 @@
 #include <string.h>
 
 #define MOST 32
-
-static void help(void) {
-    printf("usage: fathom info [--plan] [settings]\n\n"
-           "Prints versions, OpenCL platforms and devices, and the drivers built in.\n\n"
-           "    --plan                     also the bytes needed for the given settings:\n"
-           "%s"
-           "    --verbose                  say more on stderr\n",
-           settings_help);
-}
 
 static void print_device(cl_device_id device) {
     char name[256] = "?", version[256] = "?", driver[256] = "?";
@@ -82,36 +74,40 @@ static int print_plan(const struct settings *settings, struct cli_log *log) {
     return CLI_DONE;
 }
 
-int command_info(int argc, char **argv) {
-    struct options options = {.count = argc, .arguments = argv, .at = 1};
+struct info {
+    bool plan, verbose;
     struct settings settings;
-    struct cli_log log = {0};
-    bool plan = false;
-    settings_start(&settings);
-    while (options_next(&options)) {
-        if (strcmp(options.name, "--help") == 0 || strcmp(options.name, "-h") == 0) {
-            help();
-            return CLI_DONE;
-        }
-        if (!options.name[0]) return cli_error(CLI_USAGE, "info: takes no %s", options.value);
-        const int taken = settings_take(&settings, &options);
-        if (taken < 0) return CLI_USAGE;
-        if (taken) continue;
-        if (strcmp(options.name, "--plan") == 0) {
-            if (!(plan = options_flag(&options))) return CLI_USAGE;
-        } else if (strcmp(options.name, "--verbose") == 0) {
-            if (!(log.verbose = options_flag(&options))) return CLI_USAGE;
-        } else {
-            return cli_error(CLI_USAGE, "info: unknown option %s; fathom info --help lists them",
-                             options.name);
-        }
-    }
-    settings.config.log = log_message;
-    settings.config.log_user = &log;
+};
+
+#define AT(field) offsetof(struct info, field)
+
+static const struct option_row own[] = {
+    {"--plan", NULL, OPTION_FLAG, AT(plan), .help = "also the bytes needed for the given settings"},
+    {"--verbose", NULL, OPTION_FLAG, AT(verbose), .help = "say more on stderr"},
+    {0}};
+
+static const struct option_group groups[] = {{"What is said", own, 0}, SETTINGS_GROUPS(AT(settings)), {0}};
+
+static int run(const struct command *command, int argc, char **argv) {
+    struct info info = {0};
+    settings_start(&info.settings);
+    const int status = options_read(command, &info, argc, argv);
+    if (status) return status;
+    struct cli_log log = {.verbose = info.verbose};
+    info.settings.config.log = log_message;
+    info.settings.config.log_user = &log;
     printf("fathom %s\n", fathom_version());
     print_platforms();
     fathom_source_driver_info driver;
     for (int i = 0; fathom_source_driver(i, &driver); i++)
         printf("driver: %s (%s): %s\n", driver.name, driver.what, driver.built ? "built in" : "not built");
-    return plan ? print_plan(&settings, &log) : CLI_DONE;
+    return info.plan ? print_plan(&info.settings, &log) : CLI_DONE;
 }
+
+const struct command command_info = {
+    .name = "info",
+    .summary = "versions, OpenCL devices, bytes needed",
+    .about = "Prints versions, OpenCL platforms and devices, and the drivers built in.",
+    .groups = groups,
+    .later = "--cache",
+    .run = run};

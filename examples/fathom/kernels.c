@@ -1,24 +1,13 @@
 /* fathom kernels: built kernels in a file, for boards where no compiler shall run. */
-#include "fathom/cli.h"
-#include "fathom/log.h"
-#include "fathom/settings.h"
+#include "fathom/commands.h"
+#include "fathom/shell/cli.h"
+#include "fathom/shell/option_values.h"
+#include "fathom/shell/log.h"
+#include "fathom/shell/settings.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-static void help(void) {
-    printf("usage: fathom kernels FILE [settings]\n\n"
-           "Builds the kernels in every shape that the given settings use, and writes them to FILE. With "
-           "--kernels\n"
-           "FILE the other commands take them from there and never run a compiler, on machines of the same "
-           "kind,\n"
-           "with the same OpenCL runtime, fathom and settings.\n\n"
-           "    --depth WxH                size of the depth frames (default 640x480)\n"
-           "%s"
-           "    --verbose                  say more on stderr\n",
-           settings_help);
-}
 
 static int save(const struct settings *settings, const char *file, struct cli_log *log) {
     fathom_memory_plan plan;
@@ -38,40 +27,44 @@ static int save(const struct settings *settings, const char *file, struct cli_lo
     return CLI_DONE;
 }
 
-int command_kernels(int argc, char **argv) {
-    struct options options = {.count = argc, .arguments = argv, .at = 1};
+struct kernels {
+    const char *file;
+    struct option_size depth;
+    bool verbose;
     struct settings settings;
-    struct cli_log log = {0};
-    const char *file = NULL;
-    settings_start(&settings);
-    while (options_next(&options)) {
-        if (strcmp(options.name, "--help") == 0 || strcmp(options.name, "-h") == 0) {
-            help();
-            return CLI_DONE;
-        }
-        if (!options.name[0]) {
-            if (file)
-                return cli_error(CLI_USAGE, "kernels: more than one file: %s and %s", file, options.value);
-            file = options.value;
-            continue;
-        }
-        const int taken = settings_take(&settings, &options);
-        if (taken < 0) return CLI_USAGE;
-        if (taken) continue;
-        if (strcmp(options.name, "--depth") == 0) {
-            const char *value = options_value(&options);
-            if (!value || !parse_size(options.name, value, 16, 4096, &settings.config.depth_width,
-                                      &settings.config.depth_height))
-                return CLI_USAGE;
-        } else if (strcmp(options.name, "--verbose") == 0) {
-            if (!(log.verbose = options_flag(&options))) return CLI_USAGE;
-        } else {
-            return cli_error(CLI_USAGE, "kernels: unknown option %s; fathom kernels --help lists them",
-                             options.name);
-        }
+};
+
+#define AT(field) offsetof(struct kernels, field)
+
+static const struct option_row own[] = {
+    {"--depth", "WxH", OPTION_SIZE, AT(depth), 16, 4096, .help = "size of the depth frames (default 640x480)"},
+    {"--verbose", NULL, OPTION_FLAG, AT(verbose), .help = "say more on stderr"},
+    {0}};
+
+static const struct option_group groups[] = {{"What they are for", own, 0}, SETTINGS_GROUPS(AT(settings)), {0}};
+
+static int run(const struct command *command, int argc, char **argv) {
+    struct kernels kernels = {0};
+    settings_start(&kernels.settings);
+    const int status = options_read(command, &kernels, argc, argv);
+    if (status) return status;
+    struct cli_log log = {.verbose = kernels.verbose};
+    fathom_config *config = &kernels.settings.config;
+    if (kernels.depth.width) {
+        config->depth_width = kernels.depth.width;
+        config->depth_height = kernels.depth.height;
     }
-    if (!file) return cli_error(CLI_USAGE, "kernels: no file given; fathom kernels --help says how");
-    settings.config.log = log_message;
-    settings.config.log_user = &log;
-    return save(&settings, file, &log);
+    config->log = log_message;
+    config->log_user = &log;
+    return save(&kernels.settings, kernels.file, &log);
 }
+
+const struct command command_kernels = {
+    .name = "kernels",
+    .summary = "build the kernels into a file, for boards without a compiler",
+    .about = "Builds the kernels in every shape that the given settings use, and writes them to FILE. With --kernels FILE "
+             "the other commands take them from there and never run a compiler, on machines of the same kind, with the "
+             "same OpenCL runtime, fathom and settings.",
+    .words = {{"file", AT(file)}},
+    .groups = groups,
+    .run = run};

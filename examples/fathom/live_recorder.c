@@ -1,5 +1,5 @@
 #include "fathom/live_recorder.h"
-#include "fathom/cli.h"
+#include "fathom/shell/cli.h"
 #include "recording/image_file.h"
 
 #include <inttypes.h>

@@ -1,5 +1,7 @@
-/* fathom: the command line. Each command is a file of its own; here is only the table of them. */
-#include "fathom/cli.h"
+/* fathom: the command line. Each command is a file of its own; here is only the list of them. */
+#include "fathom/commands.h"
+#include "fathom/shell/cli.h"
+#include "fathom/shell/help.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -7,48 +9,38 @@
 
 #include "fathom.h"
 
-static const struct command {
-    const char *name;
-    int (*run)(int argc, char **argv);
-    const char *says;
-} commands[] = {
-    {"replay", command_replay, "track and reconstruct a recording"},
-    {"scan", command_scan, "track and reconstruct what a live rig sees"},
-    {"log", command_log, "record what a live rig gives, for a replay"},
-    {"devices", command_devices, "depth cameras and inertial sensors, and what they lack"},
-    {"simulate", command_simulate, "render a scene into a recording, with its ground truth"},
-    {"calibrate", command_calibrate, "how the IMU sits on the camera, from a recording"},
-    {"info", command_info, "versions, OpenCL devices, bytes needed"},
-    {"kernels", command_kernels, "build the kernels into a file, for boards without a compiler"},
-    {"selftest", command_selftest, "check every kernel on this machine's device"},
-};
+static const struct command *const commands[] = {
+    &command_replay,    &command_scan, &command_log,     &command_devices,  &command_simulate,
+    &command_calibrate, &command_info, &command_kernels, &command_selftest, NULL};
 
-#define COMMANDS (sizeof commands / sizeof commands[0])
-
-static int help(void) {
-    puts("usage: fathom COMMAND [options]\n");
-    for (size_t i = 0; i < COMMANDS; i++) printf("    %-10s %s\n", commands[i].name, commands[i].says);
-    puts("\n    fathom COMMAND --help   the command's options\n    fathom --version        the version");
+static int complete(int argc, char **argv) {
+    if (argc != 3 || strcmp(argv[2], "bash"))
+        return cli_error(CLI_USAGE, "--completion: give the shell; there is bash");
+    completion_print_bash(commands);
     return CLI_DONE;
 }
 
-/* What was printed may still be in stdio's buffer; a full disk behind stdout is a failure like any other. */
-static int finish(int status) {
-    if (fflush(stdout) || ferror(stdout)) {
-        if (status == CLI_DONE) return cli_error(CLI_FAILED, "standard output: %s", strerror(errno));
-    }
-    return status;
+static int run(int argc, char **argv) {
+    const char *name = argv[1];
+    if (argc < 2) return cli_error(CLI_USAGE, "no command given; fathom --help lists them");
+    for (const struct command *const *c = commands; *c; c++)
+        if (!strcmp(name, (*c)->name)) return (*c)->run(*c, argc - 1, argv + 1);
+    if (!strcmp(name, "--completion")) return complete(argc, argv);
+    if (!strcmp(name, "--help") || !strcmp(name, "-h") || !strcmp(name, "help"))
+        help_print_commands(commands);
+    else if (!strcmp(name, "--version"))
+        printf("fathom %s\n", fathom_version());
+    else if (!strcmp(name, "--man"))
+        manual_print(commands);
+    else
+        return cli_error(CLI_USAGE, "unknown command '%s'; fathom --help lists them", name);
+    return CLI_DONE;
 }
 
 int main(int argc, char **argv) {
-    if (argc < 2) return cli_error(CLI_USAGE, "no command given; fathom --help lists them");
-    if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h") || !strcmp(argv[1], "help"))
-        return finish(help());
-    if (!strcmp(argv[1], "--version")) {
-        printf("fathom %s\n", fathom_version());
-        return finish(CLI_DONE);
-    }
-    for (size_t i = 0; i < COMMANDS; i++)
-        if (!strcmp(argv[1], commands[i].name)) return finish(commands[i].run(argc - 1, argv + 1));
-    return cli_error(CLI_USAGE, "unknown command '%s'; fathom --help lists them", argv[1]);
+    const int status = run(argc, argv);
+    /* What was printed may still be in stdio's buffer; a full disk behind stdout is a failure like any other. */
+    const bool lost = fflush(stdout) || ferror(stdout);
+    if (status != CLI_DONE && status != CLI_HELPED) return status;
+    return lost ? cli_error(CLI_FAILED, "standard output: %s", strerror(errno)) : CLI_DONE;
 }

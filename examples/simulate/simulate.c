@@ -1,229 +1,24 @@
 /* fathom simulate: renders a scene along a path into a recording folder. */
-#include "fathom/cli.h"
+#include "fathom/commands.h"
+#include "fathom/shell/cli.h"
 
-#include <getopt.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include "simulate/exposure.h"
 #include "fathom/recording_writer.h"
 #include "simulate/sensor_noise.h"
+#include "simulate/simulate_options.h"
 
 #define FRAME_RATE 30.0
-#define EXPOSURE_S 0.008 /* in a room without daylight; no one sensor's figure */
-#define ROLLING_S 0.010
-#define FAR_M 13.0          /* just below what 16 bits hold */
-#define MOST_FRAMES 1000000 /* nine hours */
-
-static const char help[] =
-    "usage: fathom simulate SCENE FOLDER [options]\n"
-    "\n"
-    "Renders a scene into a recording FOLDER: depth, IMU samples, calibration and ground truth.\n"
-    "SCENE: room (furnished and closed), wall (two seconds of the way see nothing but bare wall),\n"
-    "       desk (a desk top, half a metre to 1.2 m away), corridor (of any length)\n"
-    "\n"
-    "    --seed N               the furniture, the path, the noise (default 1)\n"
-    "    --clean                no sensor noise; an ideal IMU unless --imu-grade is given\n"
-    "    --motion FOLDER2       along FOLDER2/groundtruth.txt; copies its imu.txt and rig.txt\n"
-    "    --frames N             default: room 300, wall 240, desk 200, corridor by its length,\n"
-    "                           with --motion as long as it lasts\n"
-    "    --size WxH             default 640x480\n"
-    "    --length M             the corridor's, 6 to 10000 metres (default 12)\n"
-    "    --speed F              times the usual pace of 0.3 to 0.5 m/s and 25 deg/s (default 1)\n"
-    "    --turn F               times the usual rate of turning (default: as --speed)\n"
-    "    --still S              seconds of standing still at the start (default 0.5)\n"
-    "    --blur                 what motion does while a depth picture is taken: a pixel reads the mean of "
-    "what\n"
-    "                           passes over it, nothing where an edge does, and rows are taken one after\n"
-    "                           another; a stamp is the middle of the middle row's exposure\n"
-    "    --exposure S           how long a row is exposed, with --blur (default 0.008; 0 to 0.033)\n"
-    "    --rolling S            from the first row to the last, with --blur (default 0.01; 0 to 0.033)\n"
-    "    --imu-grade NAME       consumer (Bosch BMI270; default), phone, ideal\n"
-    "    --imu-rate HZ          samples a second (default 200)\n"
-    "    --imu-rotation X,Y,Z   mounting, rotation vector in degrees, v_camera = R v_imu (default "
-    "0.8,-1.2,90)\n"
-    "    --imu-translation X,Y,Z   the IMU's origin in camera axes, metres (default 0.025,-0.01,0.004)\n"
-    "    --imu-clock-offset S   seconds to add to an IMU stamp to get the depth clock (default 0)\n"
-    "    --threads N            default: as many as the machine has\n"
-    "    --force                writes into a folder that holds other things (a recording there is "
-    "replaced)\n"
-    "    --progress             shows progress even when stderr is no terminal\n"
-    "\n"
-    "The last line on stdout is: frames=N path_m=X turned_deg=X folder=FOLDER\n";
-
-struct options {
-    const char *folder, *motion;
-    enum scene_kind kind;
-    const struct imu_grade *grade;
-    struct imu_mounting mounting;
-    struct exposure exposure;
-    double length, speed, turn, still, imu_rate;
-    long seed, frames, threads;
-    int width, height;
-    bool clean, blur, force, progress;
-};
-
-/* ---- Options ---- */
-
-enum {
-    OPTION_SEED = 256,
-    OPTION_CLEAN,
-    OPTION_MOTION,
-    OPTION_FRAMES,
-    OPTION_SIZE,
-    OPTION_LENGTH,
-    OPTION_SPEED,
-    OPTION_TURN,
-    OPTION_STILL,
-    OPTION_BLUR,
-    OPTION_EXPOSURE,
-    OPTION_ROLLING,
-    OPTION_GRADE,
-    OPTION_RATE,
-    OPTION_ROTATION,
-    OPTION_TRANSLATION,
-    OPTION_OFFSET,
-    OPTION_THREADS,
-    OPTION_FORCE,
-    OPTION_PROGRESS,
-    OPTION_HELP
-};
-
-static const struct option long_options[] = {
-    {"seed", required_argument, NULL, OPTION_SEED},
-    {"clean", no_argument, NULL, OPTION_CLEAN},
-    {"motion", required_argument, NULL, OPTION_MOTION},
-    {"frames", required_argument, NULL, OPTION_FRAMES},
-    {"size", required_argument, NULL, OPTION_SIZE},
-    {"length", required_argument, NULL, OPTION_LENGTH},
-    {"speed", required_argument, NULL, OPTION_SPEED},
-    {"turn", required_argument, NULL, OPTION_TURN},
-    {"still", required_argument, NULL, OPTION_STILL},
-    {"blur", no_argument, NULL, OPTION_BLUR},
-    {"exposure", required_argument, NULL, OPTION_EXPOSURE},
-    {"rolling", required_argument, NULL, OPTION_ROLLING},
-    {"imu-grade", required_argument, NULL, OPTION_GRADE},
-    {"imu-rate", required_argument, NULL, OPTION_RATE},
-    {"imu-rotation", required_argument, NULL, OPTION_ROTATION},
-    {"imu-translation", required_argument, NULL, OPTION_TRANSLATION},
-    {"imu-clock-offset", required_argument, NULL, OPTION_OFFSET},
-    {"threads", required_argument, NULL, OPTION_THREADS},
-    {"force", no_argument, NULL, OPTION_FORCE},
-    {"progress", no_argument, NULL, OPTION_PROGRESS},
-    {"help", no_argument, NULL, OPTION_HELP},
-    {NULL, 0, NULL, 0},
-};
-
-static bool parse_triple(const char *option, const char *text, double low, double high, double value[3]) {
-    char copy[256], *part = copy;
-    if (snprintf(copy, sizeof copy, "%s", text) >= (int)sizeof copy) part = NULL;
-    for (int i = 0; i < 3; i++) {
-        char *number = part ? strsep(&part, ",") : NULL;
-        if (!number || (i == 2 && part)) {
-            cli_error(CLI_USAGE, "%s: '%s' is not three numbers with commas between", option, text);
-            return false;
-        }
-        if (!cli_parse_double(option, number, low, high, &value[i])) return false;
-    }
-    return true;
-}
-
-static bool parse_size(const char *text, int *width, int *height) {
-    int used = 0;
-    if (sscanf(text, "%dx%d%n", width, height, &used) == 2 && !text[used] && *width >= 16 && *height >= 16 &&
-        *width <= 4096 && *height <= 4096)
-        return true;
-    cli_error(CLI_USAGE, "--size: '%s' is not WxH with both from 16 to 4096", text);
-    return false;
-}
-
-static bool parse_grade(const char *text, const struct imu_grade **grade) {
-    *grade = imu_grade_of(text);
-    if (!*grade) cli_error(CLI_USAGE, "--imu-grade: '%s' is none of consumer, phone, ideal", text);
-    return *grade != NULL;
-}
-
-static bool take_option(struct options *o, int option) {
-    switch (option) {
-    case OPTION_SEED: return cli_parse_long("--seed", optarg, 0, 1000000000L, &o->seed);
-    case OPTION_CLEAN: return o->clean = true;
-    case OPTION_MOTION: o->motion = optarg; return true;
-    case OPTION_FRAMES: return cli_parse_long("--frames", optarg, 1, MOST_FRAMES, &o->frames);
-    case OPTION_SIZE: return parse_size(optarg, &o->width, &o->height);
-    case OPTION_LENGTH: return cli_parse_double("--length", optarg, 6.0, 10000.0, &o->length);
-    case OPTION_SPEED: return cli_parse_double("--speed", optarg, 0.01, 20.0, &o->speed);
-    case OPTION_TURN: return cli_parse_double("--turn", optarg, 0.0, 40.0, &o->turn);
-    case OPTION_STILL: return cli_parse_double("--still", optarg, 0.0, 3600.0, &o->still);
-    case OPTION_BLUR: return o->blur = true;
-    case OPTION_EXPOSURE: return cli_parse_double("--exposure", optarg, 0.0, 0.033, &o->exposure.exposure_s);
-    case OPTION_ROLLING: return cli_parse_double("--rolling", optarg, 0.0, 0.033, &o->exposure.rolling_s);
-    case OPTION_GRADE: return parse_grade(optarg, &o->grade);
-    case OPTION_RATE: return cli_parse_double("--imu-rate", optarg, 10.0, 8000.0, &o->imu_rate);
-    case OPTION_ROTATION:
-        return parse_triple("--imu-rotation", optarg, -360.0, 360.0, o->mounting.rotation_deg);
-    case OPTION_TRANSLATION:
-        return parse_triple("--imu-translation", optarg, -10.0, 10.0, o->mounting.translation);
-    case OPTION_OFFSET:
-        return cli_parse_double("--imu-clock-offset", optarg, -10.0, 10.0, &o->mounting.clock_offset);
-    case OPTION_THREADS: return cli_parse_long("--threads", optarg, 1, 1024, &o->threads);
-    case OPTION_FORCE: return o->force = true;
-    case OPTION_PROGRESS: return o->progress = true;
-    default: return false;
-    }
-}
-
-/* CLI_DONE with *helped set when there is nothing left to do. */
-static int parse_options(int argc, char **argv, struct options *o, bool *helped) {
-    *o = (struct options){
-        .length = 12.0,
-        .speed = 1.0,
-        .turn = -1.0,
-        .still = 0.5,
-        .imu_rate = 200.0,
-        .exposure = {-1.0, -1.0},
-        .seed = 1,
-        .width = 640,
-        .height = 480,
-        .threads = sysconf(_SC_NPROCESSORS_ONLN),
-        .mounting = {.rotation_deg = {0.8, -1.2, 90.0}, .translation = {0.025, -0.010, 0.004}}};
-    if (o->threads < 1) o->threads = 1;
-    optind = 0; /* begin anew, whoever used getopt before */
-    opterr = 0;
-    for (int option; (option = getopt_long(argc, argv, ":h", long_options, NULL)) != -1;) {
-        if (option == OPTION_HELP || option == 'h') {
-            fputs(help, stdout);
-            *helped = true;
-            return CLI_DONE;
-        }
-        if (option == ':') return cli_error(CLI_USAGE, "simulate: %s needs a value", argv[optind - 1]);
-        if (option == '?')
-            return cli_error(CLI_USAGE, "simulate: option '%s' isn't understood", argv[optind - 1]);
-        if (!take_option(o, option)) return CLI_USAGE;
-    }
-    if (argc - optind != 2)
-        return cli_error(CLI_USAGE, "simulate: give a scene and a folder; --help says more");
-    if (!scene_kind_of(argv[optind], &o->kind))
-        return cli_error(CLI_USAGE, "simulate: no scene '%s'; there are room, wall, desk, corridor",
-                         argv[optind]);
-    o->folder = argv[optind + 1];
-    if (!*o->folder) return cli_error(CLI_USAGE, "simulate: the folder has no name");
-    if (o->turn < 0.0) o->turn = o->speed;
-    if (!o->blur && (o->exposure.exposure_s >= 0.0 || o->exposure.rolling_s >= 0.0))
-        return cli_error(CLI_USAGE, "simulate: --exposure and --rolling go with --blur");
-    if (o->exposure.exposure_s < 0.0) o->exposure.exposure_s = EXPOSURE_S;
-    if (o->exposure.rolling_s < 0.0) o->exposure.rolling_s = ROLLING_S;
-    if (!o->grade) o->grade = imu_grade_of(o->clean ? "ideal" : "consumer");
-    return CLI_DONE;
-}
+#define FAR_M 13.0 /* just below what 16 bits hold */
 
 /* ---- The run ---- */
 
 struct run {
-    const struct options *options;
+    const struct simulate_options *options;
     struct scene scene;
     struct camera_path path;
     struct render_camera camera;
@@ -235,9 +30,9 @@ struct run {
 };
 
 /* A 640x480 Kinect's, scaled; a pixel's centre has whole coordinates, so its edges lie at halves. */
-static struct render_camera camera_of(int width, int height) {
-    const double x = width / 640.0, y = height / 480.0;
-    return (struct render_camera){width, height, 585.0 * x, 585.0 * y, 320.5 * x - 0.5, 240.5 * y - 0.5};
+static struct render_camera camera_of(struct option_size size) {
+    const double x = size.width / 640.0, y = size.height / 480.0;
+    return (struct render_camera){size.width, size.height, 585.0 * x, 585.0 * y, 320.5 * x - 0.5, 240.5 * y - 0.5};
 }
 
 static double frame_time(const struct run *run, long frame) {
@@ -246,7 +41,7 @@ static double frame_time(const struct run *run, long frame) {
 }
 
 static int prepare_path(struct run *run) {
-    const struct options *o = run->options;
+    const struct simulate_options *o = run->options;
     char error[1024], file[4096];
     if (!o->motion) {
         static const long usual[] = {[SCENE_ROOM] = 300, [SCENE_WALL] = 240, [SCENE_DESK] = 200};
@@ -256,7 +51,7 @@ static int prepare_path(struct run *run) {
             run->frames = (long)ceil(camera_path_seconds(&run->path) * FRAME_RATE);
         else if (!run->frames)
             run->frames = usual[o->kind] + lround(fmax(o->still - 0.5, 0.0) * FRAME_RATE);
-        if (run->frames > MOST_FRAMES) run->frames = MOST_FRAMES;
+        if (run->frames > SIMULATE_MOST_FRAMES) run->frames = SIMULATE_MOST_FRAMES;
         return CLI_DONE;
     }
     struct stat a, b;
@@ -267,7 +62,7 @@ static int prepare_path(struct run *run) {
     if (camera_path_read(&run->path, file, error, sizeof error)) return cli_error(CLI_FAILED, "%s", error);
     run->start = ceil(1e6 * run->path.samples[0].t - 1e-3) * 1e-6;
     const double span = run->path.samples[run->path.count - 1].t - run->start;
-    run->frames = (long)fmin(floor(span * FRAME_RATE + 1e-6) + 1.0, MOST_FRAMES);
+    run->frames = (long)fmin(floor(span * FRAME_RATE + 1e-6) + 1.0, SIMULATE_MOST_FRAMES);
     if (o->frames && o->frames < run->frames) run->frames = o->frames;
     return CLI_DONE;
 }
@@ -312,8 +107,8 @@ struct picture {
 /* The frame at t as the sensor measures it; false when out of memory. */
 static bool take_picture(const struct run *run, long frame, double t, const struct camera_pose *pose,
                          const struct picture *p) {
-    const struct options *o = run->options;
-    const size_t pixels = (size_t)o->width * (size_t)o->height;
+    const struct simulate_options *o = run->options;
+    const size_t pixels = (size_t)o->size.width * (size_t)o->size.height;
     float *cosine = o->clean ? NULL : p->cosine;
     const int threads = (int)o->threads;
     const bool rendered =
@@ -321,7 +116,7 @@ static bool take_picture(const struct run *run, long frame, double t, const stru
                                   !o->clean, p->depth, cosine, p->lost)
                 : render_depth(&run->scene, &run->camera, pose, FAR_M, threads, p->depth, cosine);
     if (!rendered) return false;
-    if (!o->clean && !sensor_measure(p->depth, cosine, o->width, o->height, o->width / 640.0,
+    if (!o->clean && !sensor_measure(p->depth, cosine, o->size.width, o->size.height, o->size.width / 640.0,
                                      (uint64_t)o->seed, (uint64_t)frame))
         return false;
     for (size_t i = 0; o->blur && i < pixels; i++)
@@ -348,7 +143,7 @@ static int render_frames(struct run *run, const struct picture *picture, long *d
 }
 
 static int write_rest(struct run *run) {
-    const struct options *o = run->options;
+    const struct simulate_options *o = run->options;
     struct recording_writer *w = &run->writer;
     const struct render_camera *c = &run->camera;
     if (recording_calibration(w, (const double[]){c->fx, c->fy, c->cx, c->cy}, 4))
@@ -363,13 +158,13 @@ static int write_rest(struct run *run) {
 }
 
 static int write_recording(struct run *run) {
-    const struct options *o = run->options;
+    const struct simulate_options *o = run->options;
     if (recording_open(&run->writer, o->folder, o->force, run->header)) {
         const int status = cli_error(CLI_FAILED, "%s", run->writer.error);
         recording_close(&run->writer);
         return status;
     }
-    const size_t pixels = (size_t)o->width * (size_t)o->height;
+    const size_t pixels = (size_t)o->size.width * (size_t)o->size.height;
     float *depth = malloc(2 * pixels * sizeof *depth);
     uint16_t *units = malloc(pixels * sizeof *units);
     uint8_t *lost = malloc(pixels);
@@ -392,25 +187,27 @@ static int write_recording(struct run *run) {
     return status;
 }
 
-int command_simulate(int argc, char **argv) {
-    struct options options;
-    bool helped = false;
-    struct run run = {.options = &options};
-    size_t used =
-        (size_t)snprintf(run.header, sizeof run.header, "fathom"); /* before getopt sorts the arguments */
-    for (int i = 0; i < argc && used < sizeof run.header; i++)
-        used += (size_t)snprintf(run.header + used, sizeof run.header - used, " %s", argv[i]);
-    for (char *c = run.header; *c; c++)
+/* The command as it was given, for the comments at the top of the files. */
+static void make_header(struct run *run, int argc, char **argv) {
+    size_t used = (size_t)snprintf(run->header, sizeof run->header, "fathom");
+    for (int i = 0; i < argc && used < sizeof run->header; i++)
+        used += (size_t)snprintf(run->header + used, sizeof run->header - used, " %s", argv[i]);
+    for (char *c = run->header; *c; c++)
         if (*c == '\n' || *c == '\r') *c = ' ';
+    used = strlen(run->header);
+    snprintf(run->header + used, sizeof run->header - used, " (scene %s, seed %ld%s)", scene_name(run->options->kind),
+             run->options->seed, run->options->clean ? ", clean" : "");
+}
 
-    int status = parse_options(argc, argv, &options, &helped);
-    if (status != CLI_DONE || helped) return status;
-    used = strlen(run.header);
-    snprintf(run.header + used, sizeof run.header - used, " (scene %s, seed %ld%s)", scene_name(options.kind),
-             options.seed, options.clean ? ", clean" : "");
+static int simulate(const struct command *command, int argc, char **argv) {
+    struct simulate_options options;
+    struct run run = {.options = &options};
+    int status = simulate_options_read(&options, command, argc, argv);
+    if (status) return status;
+    make_header(&run, argc, argv);
     if (!scene_make(&run.scene, options.kind, (uint64_t)options.seed, options.length))
         return cli_error(CLI_FAILED, "simulate: out of memory");
-    run.camera = camera_of(options.width, options.height);
+    run.camera = camera_of(options.size);
     cli_catch_interrupt();
     status = prepare_path(&run);
     if (status == CLI_DONE) status = check_free(&run);
@@ -419,3 +216,15 @@ int command_simulate(int argc, char **argv) {
     scene_free(&run.scene);
     return status;
 }
+
+const struct command command_simulate = {
+    .name = "simulate",
+    .summary = "render a scene into a recording, with its ground truth",
+    .about = "Renders a scene into a recording FOLDER: depth, IMU samples, calibration and ground truth. SCENE: room "
+             "(furnished and closed), wall (two seconds of the way see nothing but bare wall), desk (a desk top, half a "
+             "metre to 1.2 m away), corridor (of any length)",
+    .words = {{"scene", offsetof(struct simulate_options, scene)}, {"folder", offsetof(struct simulate_options, folder)}},
+    .groups = simulate_groups,
+    .later = "--sensor --imu-error --texture",
+    .output = "The last line on stdout is: frames=N path_m=X turned_deg=X folder=FOLDER",
+    .run = simulate};

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/covariance.h"
+
 /* Neighbouring pixels share their noise (smoothing, correlated disparities), and the model isn't exact: so many pairs
  * count as one in the covariance. */
 #define CORRELATED_PAIRS 50.0

@@ -8,6 +8,9 @@
 #include "api/settings.h"
 #include "api/context.h"
 #include "api/warm_up.h"
+#include "base/log.h"
+#include "base/stamps.h"
+#include "cl/program.h"
 
 #define STRING_(x) #x
 #define STRING(x) STRING_(x)
@@ -99,10 +102,10 @@ static int make_plan(fathom *f, const fathom_config *config, fathom_memory_plan 
     }
     int64_t host_bytes = bytes_with(f, blocks > 0 ? blocks : 1, &device_bytes);
     if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->memory_cap_bytes) {
-        device_log(config, FATHOM_LOG_ERROR,
-                   "memory_cap_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
-                   (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576,
-                   blocks > CONFIG_BLOCKS_LEAST ? blocks : CONFIG_BLOCKS_LEAST);
+        log_write(config, FATHOM_LOG_ERROR,
+                  "memory_cap_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
+                  (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576,
+                  blocks > CONFIG_BLOCKS_LEAST ? blocks : CONFIG_BLOCKS_LEAST);
         return FATHOM_ERROR_MEMORY;
     }
     plan->host_bytes = host_bytes;
@@ -168,8 +171,8 @@ int fathom_init(fathom **context, const fathom_config *config, void *memory, siz
     int e = make_plan(&scratch, config, &plan);
     if (e != FATHOM_OK) return e;
     if (size < (size_t)plan.host_bytes) {
-        device_log(config, FATHOM_LOG_ERROR, "the block has %zu bytes; these settings need %lld", size,
-                   (long long)plan.host_bytes);
+        log_write(config, FATHOM_LOG_ERROR, "the block has %zu bytes; these settings need %lld", size,
+                  (long long)plan.host_bytes);
         return FATHOM_ERROR_MEMORY;
     }
     size_t lost;
@@ -187,15 +190,15 @@ int fathom_init(fathom **context, const fathom_config *config, void *memory, siz
     layout(f, &a, plan.blocks);
     f->arena_bytes = plan.host_bytes + plan.device_bytes;
     if (f->device.error == FATHOM_OK) warm_up(f);
-    if (f->device.error == FATHOM_OK) device_cache_program(&f->device);
+    if (f->device.error == FATHOM_OK) program_to_cache(&f->device);
     if (f->device.error == FATHOM_OK) start_over(f);
     if (f->device.error != FATHOM_OK) {
         e = f->device.error;
         close_parts(f);
         return e;
     }
-    device_log(config, FATHOM_LOG_INFO, "OpenCL device %s, maps %dx%d, %d blocks, %.1f MB", plan.device,
-               plan.align_width, plan.align_height, plan.blocks, (double)f->arena_bytes / 1048576);
+    log_write(config, FATHOM_LOG_INFO, "OpenCL device %s, maps %dx%d, %d blocks, %.1f MB", plan.device,
+              plan.align_width, plan.align_height, plan.blocks, (double)f->arena_bytes / 1048576);
     *context = f;
     return FATHOM_OK;
 }
@@ -212,7 +215,7 @@ int fathom_reset(fathom *f) {
 
 int fathom_save_kernels(fathom *f, const char *path) {
     if (!f || !path || !*path) return FATHOM_ERROR_ARGUMENT;
-    return device_save_program(&f->device, path) ? FATHOM_OK : FATHOM_ERROR_KERNEL;
+    return program_save(&f->device, path) ? FATHOM_OK : FATHOM_ERROR_KERNEL;
 }
 
 int fathom_pause(fathom *f, bool pause) {
@@ -222,10 +225,6 @@ int fathom_pause(fathom *f, bool pause) {
 }
 
 /* ---- input and steps ------------------------------------------------------------------------------------------------------ */
-
-static bool stamp_good(int64_t stamp_ns) {
-    return stamp_ns >= -STAMP_MOST && stamp_ns <= STAMP_MOST;
-}
 
 int fathom_push_imu(fathom *f, const fathom_imu_sample *sample) {
     if (!f || !sample) return FATHOM_ERROR_ARGUMENT;
@@ -237,20 +236,20 @@ int fathom_step(fathom *f, const fathom_depth_frame *frame, fathom_result *resul
     int e = f->device.error;
     if (e == FATHOM_OK &&
         (frame->width != f->config.depth_width || frame->height != f->config.depth_height)) {
-        device_log(&f->config, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d",
-                   frame->width, frame->height, f->config.depth_width, f->config.depth_height);
+        log_write(&f->config, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d",
+                  frame->width, frame->height, f->config.depth_width, f->config.depth_height);
         e = FATHOM_ERROR_SIZE;
     }
-    if (e == FATHOM_OK && !stamp_good(frame->timestamp_ns)) {
-        device_log(&f->config, FATHOM_LOG_WARNING,
-                   "a frame stamped %lld ns was ignored: more than 126 years from zero",
-                   (long long)frame->timestamp_ns);
+    if (e == FATHOM_OK && !stamp_valid(frame->timestamp_ns)) {
+        log_write(&f->config, FATHOM_LOG_WARNING,
+                  "a frame stamped %lld ns was ignored: more than 126 years from zero",
+                  (long long)frame->timestamp_ns);
         e = FATHOM_ERROR_TIME;
     }
     if (e == FATHOM_OK && f->timestamp_ns != INT64_MIN && frame->timestamp_ns <= f->timestamp_ns) {
-        device_log(&f->config, FATHOM_LOG_WARNING,
-                   "a frame stamped %.6f s was ignored: the one before has %.6f s",
-                   1e-9 * (double)frame->timestamp_ns, 1e-9 * (double)f->timestamp_ns);
+        log_write(&f->config, FATHOM_LOG_WARNING,
+                  "a frame stamped %.6f s was ignored: the one before has %.6f s",
+                  1e-9 * (double)frame->timestamp_ns, 1e-9 * (double)f->timestamp_ns);
         e = FATHOM_ERROR_TIME;
     }
     if (e != FATHOM_OK) {
@@ -261,15 +260,15 @@ int fathom_step(fathom *f, const fathom_depth_frame *frame, fathom_result *resul
     step(f, frame, result);
     if (result->pool_full && !f->said_full) {
         f->said_full = true;
-        device_log(&f->config, FATHOM_LOG_WARNING,
-                   "the block pool is full (%d blocks): the surface no longer grows, tracking goes on",
-                   f->volume.pool.capacity);
+        log_write(&f->config, FATHOM_LOG_WARNING,
+                  "the block pool is full (%d blocks): the surface no longer grows, tracking goes on",
+                  f->volume.pool.capacity);
     }
     return f->device.error;
 }
 
 int fathom_inertial_estimate(fathom *f, int64_t from_ns, int64_t to_ns, fathom_motion *motion) {
-    if (!f || !motion || !stamp_good(from_ns) || !stamp_good(to_ns)) return FATHOM_ERROR_ARGUMENT;
+    if (!f || !motion || !stamp_valid(from_ns) || !stamp_valid(to_ns)) return FATHOM_ERROR_ARGUMENT;
     inertial_motion m;
     inertial_drain(&f->inertial);
     int e = inertial_estimate(&f->inertial, from_ns, to_ns, &m);
@@ -295,10 +294,8 @@ int fathom_get_rig(fathom *f, fathom_rig *rig) {
 int fathom_get_counters(fathom *f, fathom_counters *counters) {
     if (!f || !counters) return FATHOM_ERROR_ARGUMENT;
     inertial_drain(&f->inertial);
-    *counters = f->inertial.counters;
-    counters->imu_not_finite = atomic_load(&f->inertial.not_finite);
-    counters->imu_implausible += atomic_load(&f->inertial.absurd);
-    counters->imu_overrun = atomic_load(&f->inertial.overrun);
+    memset(counters, 0, sizeof *counters);
+    inertial_count(&f->inertial, counters);
     counters->frames_ignored = f->frames_ignored;
     counters->blocks_dropped = f->store.dropped;
     counters->blocks_restored = f->store.restored;
@@ -313,7 +310,7 @@ static int view_check(const fathom *f, const fathom_view *v, pose *at) {
                 v->fy > 0 && isfinite(v->fx) && isfinite(v->fy) && isfinite(v->cx) && isfinite(v->cy) &&
                 v->near_m >= 0 && v->far_m >= 0 && pose_from_matrix(v->pose, at);
     if (!good)
-        device_log(&f->config, FATHOM_LOG_ERROR, "the view's size, intrinsics, range or pose is not valid");
+        log_write(&f->config, FATHOM_LOG_ERROR, "the view's size, intrinsics, range or pose is not valid");
     return good ? FATHOM_OK : FATHOM_ERROR_ARGUMENT;
 }
 
@@ -345,8 +342,8 @@ int64_t fathom_extract_whole_mesh(fathom *f, float min_weight, const int32_t *dr
     if (count == 0) return fathom_extract_mesh(f, min_weight, triangles, user);
     if (!f || !triangles || !dropped || !(min_weight >= 0)) return FATHOM_ERROR_ARGUMENT;
     if (f->patch.pool.capacity == 0 || !f->config.block_in) {
-        device_log(&f->config, FATHOM_LOG_ERROR,
-                   "a mesh of dropped blocks needs FATHOM_FULL_DROP and block_in");
+        log_write(&f->config, FATHOM_LOG_ERROR,
+                  "a mesh of dropped blocks needs FATHOM_FULL_DROP and block_in");
         return FATHOM_ERROR_ARGUMENT;
     }
     for (size_t i = 0; i < 3 * count; i++)

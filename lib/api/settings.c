@@ -3,8 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "cl/device.h"
+#include "base/log.h"
 #include "base/se3.h"
+#include "base/stamps.h"
 
 fathom_config fathom_config_default(void) {
     fathom_config c;
@@ -89,9 +90,9 @@ typedef struct {
 
 int config_check(const fathom_config *c) {
     if (c->struct_size != sizeof *c) {
-        device_log(c, FATHOM_LOG_ERROR,
-                   "struct_size is %u, this library's is %zu: start from fathom_config_default()",
-                   c->struct_size, sizeof *c);
+        log_write(c, FATHOM_LOG_ERROR,
+                  "struct_size is %u, this library's is %zu: start from fathom_config_default()",
+                  c->struct_size, sizeof *c);
         return FATHOM_ERROR_CONFIG;
     }
     const bound bounds[] = {
@@ -155,7 +156,7 @@ int config_check(const fathom_config *c) {
         {"imu_to_camera_translation[0]", c->imu_to_camera_translation[0], -10, 10},
         {"imu_to_camera_translation[1]", c->imu_to_camera_translation[1], -10, 10},
         {"imu_to_camera_translation[2]", c->imu_to_camera_translation[2], -10, 10},
-        {"imu_clock_offset_ns", (double)c->imu_clock_offset_ns, -STAMP_MOST, STAMP_MOST},
+        {"imu_clock_offset_ns", (double)c->imu_clock_offset_ns, -STAMP_MAX, STAMP_MAX},
         {"rig_rotation_sigma", c->rig_rotation_sigma, 1e-6, 1},
         {"rig_clock_sigma_ns", (double)c->rig_clock_sigma_ns, 1e3, 1e9},
         {"gravity", c->gravity, 0, 100},
@@ -175,8 +176,8 @@ int config_check(const fathom_config *c) {
     };
     for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++)
         if (!(bounds[i].value >= bounds[i].low && bounds[i].value <= bounds[i].high)) { /* false for NaN */
-            device_log(c, FATHOM_LOG_ERROR, "setting %s is %g; it must lie within %g and %g", bounds[i].name,
-                       bounds[i].value, bounds[i].low, bounds[i].high);
+            log_write(c, FATHOM_LOG_ERROR, "setting %s is %g; it must lie within %g and %g", bounds[i].name,
+                      bounds[i].value, bounds[i].low, bounds[i].high);
             return FATHOM_ERROR_CONFIG;
         }
     pose p;
@@ -184,8 +185,8 @@ int config_check(const fathom_config *c) {
     mounting[15] = 1;
     for (int i = 0; i < 9; i++) mounting[i / 3 * 4 + i % 3] = c->imu_to_camera_rotation[i];
     if (!pose_from_matrix(c->first_pose, &p) || !pose_from_matrix(mounting, &p)) {
-        device_log(c, FATHOM_LOG_ERROR,
-                   "first_pose or imu_to_camera_rotation is not a right-handed rigid motion");
+        log_write(c, FATHOM_LOG_ERROR,
+                  "first_pose or imu_to_camera_rotation is not a right-handed rigid motion");
         return FATHOM_ERROR_CONFIG;
     }
     return FATHOM_OK;

@@ -6,7 +6,6 @@
 
 #define CONFIG_BLOCKS_LEAST 64 /* of a pool */
 #define CONFIG_BLOCKS_MOST 16777216
-#define STAMP_MOST 4000000000000000000 /* ns, 126 years: no difference of two stamps leaves an int64 */
 
 /* FATHOM_OK, or FATHOM_ERROR_CONFIG after a log message that names the setting. */
 int config_check(const fathom_config *config);

@@ -3,8 +3,8 @@
  *
  * A pose maps p to rotation * p + translation. A twist is rotation (radians) then translation (metres); perturbations are
  * on the right: pose * exp(twist), so a twist and a covariance live in the axes of the frame that the pose maps from. */
-#ifndef FATHOM_POSE_H
-#define FATHOM_POSE_H
+#ifndef FATHOM_SE3_H
+#define FATHOM_SE3_H
 
 #include <stdbool.h>
 
@@ -39,13 +39,6 @@ void so3_exp(const double w[3], double r[9]); /* Rodrigues */
 void so3_log(const double r[9], double w[3]);
 void so3_multiply(const double a[9], const double b[9], double out[9]);           /* out may be a or b */
 void so3_transpose_multiply(const double a[9], const double b[9], double out[9]); /* a^T b */
-
-/* 6x6 covariances, row-major: out = A c A^T. out may be c. */
-void covariance_transport(const double a[36], const double c[36], double out[36]);
-/* out = c^-1, symmetric; false when c isn't positive definite. */
-bool covariance_invert(const double c[36], double out[36]);
-/* Mahalanobis distance sqrt(e^T c^-1 e) by Cholesky; INFINITY when c isn't positive definite. */
-double covariance_mahalanobis(const double c[36], const double e[6]);
 
 #ifdef __cplusplus
 }

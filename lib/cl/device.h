@@ -1,5 +1,5 @@
-/* The OpenCL device: choice, kernels (built once, kept in a cache), buffers, launches. The only file that knows where a
- * buffer lies. Every call of the step goes through here; the first error sticks and is asked for once, at the step's end. */
+/* The OpenCL device: choice, context and queue, and its first error. cl/program.h builds its kernels, cl/buffer.h makes its
+ * buffers, cl/launch.h runs the kernels. */
 #ifndef FATHOM_DEVICE_H
 #define FATHOM_DEVICE_H
 
@@ -8,7 +8,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "base/arena.h"
 #include "fathom.h"
 
 typedef struct {
@@ -30,17 +29,6 @@ typedef struct {
     char name[128];
 } device;
 
-/* A buffer of the device; bytes of it may be looked at between device_map and device_unmap. */
-typedef struct {
-    cl_mem memory;
-    void *host; /* where it lies in the block, or NULL */
-    size_t size;
-} device_buffer;
-
-/* Writes a message to the caller's log. */
-void device_log(const fathom_config *config, fathom_log_level level, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-
 /* Chooses the device and says where its buffers will lie; opens nothing. FATHOM_OK or FATHOM_ERROR_DEVICE. */
 int device_choose(device *d, const fathom_config *config);
 
@@ -48,48 +36,9 @@ int device_choose(device *d, const fathom_config *config);
 int device_open(device *d);
 void device_close(device *d);
 
-/* Writes the built program, with every kernel that was launched, to a file for config->kernel_file. */
-bool device_save_program(device *d, const char *path);
-
-/* Keeps a program that was built from source in the cache. To be called when each kernel has been launched: PoCL builds them
- * for their work-groups only then, and asked earlier would give a program without these. */
-void device_cache_program(device *d);
-
-/* Plans a buffer, and makes it when the device is open: in the arena or on the device. Not cleared. */
-void device_buffer_make(device *d, arena *a, size_t size, device_buffer *buffer);
-void device_buffer_free(device_buffer *buffer);
-
-/* Waits for what was queued, and gives the host's view of the buffer; NULL after an error. */
-void *device_map(device *d, device_buffer *buffer, cl_map_flags flags);
-void device_unmap(device *d, device_buffer *buffer, void *mapped);
-
-/* Queues filling with zeros. */
-void device_clear(device *d, device_buffer *buffer);
-void device_wait(device *d);
-
-/* Starts what was queued, without waiting. */
-void device_flush(device *d);
-
-cl_kernel device_kernel(device *d, const char *name);
-
-typedef struct {
-    size_t size;
-    const void *value;
-} device_argument;
-
-#define ARG(v)                                                                                               \
-    { sizeof(v), &(v) }
-
-/* Queues a kernel over columns x rows work-items (rows 1: one dimension). group 0: the runtime chooses the work-group. */
-void device_run(device *d, cl_kernel kernel, size_t columns, size_t rows, size_t group, int count,
-                const device_argument *arguments);
-#define RUN(d, kernel, columns, rows, group, ...)                                                            \
-    device_run(d, kernel, columns, rows, group,                                                              \
-               (int)(sizeof((device_argument[]){__VA_ARGS__}) / sizeof(device_argument)),                    \
-               (device_argument[]){__VA_ARGS__})
-
-/* Queues a kernel that walks along rows: on a CPU a work-item takes a row, on a GPU each its part of one. */
-#define RUN_ROWS(d, kernel, columns, rows, ...)                                                              \
-    RUN(d, kernel, (d)->cpu ? 1 : (size_t)(columns), (size_t)(rows), (d)->cpu ? 1 : 0, __VA_ARGS__)
+/* Notes that an OpenCL call failed; the first failure is logged. The device is dead from then on: nothing is launched,
+ * mapped, cleared or waited for any more, so that what came before the failure isn't mixed with what comes after it.
+ * Callers look at d->error before they take over what the device has computed. */
+void device_failed(device *d, const char *what, cl_int code);
 
 #endif

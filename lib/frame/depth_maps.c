@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/log.h"
+
 #define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
 
 int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
@@ -12,9 +14,9 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
         while (c->depth_width / factor > c->align_most || c->depth_width % factor ||
                c->depth_height % factor) {
             if (++factor > 64) {
-                device_log(c, FATHOM_LOG_ERROR,
-                           "depth of %dx%d has no whole fraction up to %d wide: set align_width",
-                           c->depth_width, c->depth_height, c->align_most);
+                log_write(c, FATHOM_LOG_ERROR,
+                          "depth of %dx%d has no whole fraction up to %d wide: set align_width",
+                          c->depth_width, c->depth_height, c->align_most);
                 return FATHOM_ERROR_CONFIG;
             }
         }
@@ -23,9 +25,9 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     }
     if (width < 16 || height < 16 || c->depth_width % width || c->depth_height % height ||
         c->depth_width / width != c->depth_height / height) {
-        device_log(c, FATHOM_LOG_ERROR,
-                   "alignment size %dx%d is not depth size %dx%d over one whole number, or below 16", width,
-                   height, c->depth_width, c->depth_height);
+        log_write(c, FATHOM_LOG_ERROR,
+                  "alignment size %dx%d is not depth size %dx%d over one whole number, or below 16", width,
+                  height, c->depth_width, c->depth_height);
         return FATHOM_ERROR_CONFIG;
     }
     /* averaging n pixels puts the new pixel's centre amid them */

@@ -2,8 +2,9 @@
 #ifndef FATHOM_DEPTH_MAPS_H
 #define FATHOM_DEPTH_MAPS_H
 
-#include "cl/device.h"
+#include "cl/buffer.h"
 #include "cl/kernel_types.h"
+#include "cl/launch.h"
 
 #define FINEST (FATHOM_LEVELS - 1) /* level 0 is the coarsest */
 

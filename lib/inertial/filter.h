@@ -3,8 +3,8 @@
  *
  * The state is that of the IMU, its axes turned parallel to the camera's. Its error is ordered rotation (right: R exp(e)),
  * position, velocity, gyro bias, accelerometer bias, gravity; position, velocity and gravity in world axes. */
-#ifndef FATHOM_NAVIGATOR_H
-#define FATHOM_NAVIGATOR_H
+#ifndef FATHOM_FILTER_H
+#define FATHOM_FILTER_H
 
 #include <stdint.h>
 

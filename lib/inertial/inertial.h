@@ -2,68 +2,32 @@
 #ifndef FATHOM_INERTIAL_H
 #define FATHOM_INERTIAL_H
 
-#include <stdatomic.h>
 #include <stdint.h>
 
 #include "base/arena.h"
-#include "inertial/clock_watch.h"
+#include "base/se3.h"
 #include "fathom.h"
+#include "inertial/extrinsics.h"
 #include "inertial/filter.h"
 #include "inertial/health/plausibility.h"
-#include "base/se3.h"
-#include "inertial/extrinsics.h"
-
-/* A sample on the depth clock, in camera axes. */
-typedef struct {
-    int64_t timestamp_ns;
-    double gyro[3], accel[3];
-} inertial_sample;
-
-/* The stillness at hand: sums over its samples, over those that the navigator has already used, and over those of the
- * window that is being filled. */
-typedef struct {
-    int samples, used, window_samples;
-    double gyro[3], accel[3], used_gyro[3];
-    double window_gyro[3], window_accel[3];
-    bool anchored; /* poses are watched since: */
-    pose anchor;
-    int64_t anchor_ns;
-} inertial_stillness;
+#include "inertial/samples.h"
 
 typedef struct {
     const fathom_config *config;
-    /* from the pushing thread to the stepping thread: one writer, one reader, no lock */
-    fathom_imu_sample *ring;
-    unsigned capacity; /* a power of two */
-    _Atomic unsigned head, tail;
-    _Atomic int64_t overrun, not_finite, absurd;
-    /* the stepping thread's */
-    inertial_sample *history; /* the latest `capacity` samples, a circle in the order of their stamps */
-    unsigned first, count;
-    int64_t period_ns;                    /* typical distance between samples */
-    double rotation[9];                   /* v_camera = rotation * v_imu */
-    double lever[3];                      /* the IMU's origin in camera axes */
-    double gyro_bias[3], gyro_bias_sigma; /* camera axes, rad/s: from stillness before the navigator starts */
-    bool running;                         /* the navigator has a first pose */
-    navigator state;                      /* at the last frame */
-    double mismatch;   /* how far poses and inertia disagree: sigmas in units of the settings' */
-    bool doubted;      /* the gyroscope contradicts the poses: gone on without the samples until it doesn't */
-    int against;       /* accepted poses in a row that it contradicted */
-    double gyro_error; /* rad^2: the turn from pose to pose, as the samples foretold it wrongly */
-    double turn_error; /* the same without samples, from the poses before */
-    double turning[3]; /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
+    imu_samples samples;
+    double lever[3]; /* the IMU's origin in camera axes */
+    bool running;    /* the navigator has a first pose */
+    navigator state; /* at the last frame */
+    double mismatch; /* how far poses and inertia disagree: sigmas in units of the settings' */
+    bool doubted;    /* the gyroscope contradicts the poses: gone on without the samples until it doesn't */
+    int against;     /* accepted poses in a row that it contradicted */
+    int64_t doubts;  /* times that doubted was set */
+    double gyro_error;    /* rad^2: the turn from pose to pose, as the samples foretold it wrongly */
+    double turn_error;    /* the same without samples, from the poses before */
+    double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
     int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
     pose corrected;       /* that pose */
-    int late;             /* samples out of order in a row */
-    int64_t late_ns;      /* stamp of the first of them */
-    bool doubtful;        /* `doubt` differs so much from the one before that it waits for the next */
-    inertial_sample doubt;
-    clock_watch clocks;
-    int64_t clock_shift_ns; /* added to stamps beside the setting's offset: what the clocks leapt apart */
-    int64_t watched;        /* samples that had been accepted at the last frame */
-    inertial_stillness stillness;
-    fathom_counters counters;
-    /* lib/inertial/health/inertial_check.c's */
+    /* inertial/health/inertial_check.c */
     bool usable, force_usable; /* as the settings say, unless found to be wrong */
     plausibility check;
     fathom_imu_health told[2]; /* what the log knows of gyroscope and accelerometer */
@@ -71,9 +35,8 @@ typedef struct {
     int64_t base_ns, accepted_ns; /* INT64_MIN: none */
     double velocity[3];        /* m/s, world, from the last two accepted poses */
     bool moving;               /* that is known */
-    /* lib/inertial/rig.c's */
+    /* inertial/rig.c */
     rig_refiner refiner;
-    int64_t refined_ns;    /* added to stamps beside the setting's offset */
     pose awaited;          /* an aligned frame that the samples haven't reached yet */
     int64_t awaited_ns;    /* its stamp */
     bool awaiting;         /* there is one */
@@ -112,12 +75,18 @@ void inertial_advance(inertial *n, int64_t timestamp_ns);
 void inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
                       int64_t timestamp_ns);
 
-/* lib/inertial/health/inertial_check.c: is the IMU what the settings say? A frame's pose by alignment; NULL: none to be trusted in all
+/* The IMU's pose of a camera pose. */
+pose inertial_imu_pose(const inertial *n, const pose *camera);
+
+/* Fills in what is counted here. */
+void inertial_count(const inertial *n, fathom_counters *counters);
+
+/* inertial/health/inertial_check.c: is the IMU what the settings say? A frame's pose by alignment; NULL: none to be trusted in all
  * directions. accepted: it is the frame's pose. Warns, and stops using what is wrong. */
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns);
 void inertial_check_reset(inertial *n);
 
-/* lib/inertial/rig.c: rotation and clock offset go back to the settings; the way from the last well-aligned frame to this
+/* inertial/rig.c: rotation and clock offset go back to the settings; the way from the last well-aligned frame to this
  * one refines them (NULL: there is nothing to compare); what they are. */
 void inertial_rig_reset(inertial *n);
 void inertial_rig_add(inertial *n, const rig_interval *i, const pose *aligned, int64_t timestamp_ns);

@@ -1,4 +1,4 @@
-/* The rig's mounting rotation and clock offset while scanning: as the settings say, or refined (lib/inertial/extrinsics.h). */
+/* The rig's mounting rotation and clock offset while scanning: as the settings say, or refined (inertial/extrinsics.h). */
 #include <math.h>
 #include <string.h>
 
@@ -6,40 +6,15 @@
 
 void inertial_rig_reset(inertial *n) {
     const fathom_config *c = n->config;
-    for (int i = 0; i < 9; i++) n->rotation[i] = c->imu_to_camera_rotation[i];
-    n->refined_ns = 0;
     n->refined_at_ns = INT64_MIN;
     n->awaiting = false;
     rig_refiner_start(&n->refiner, c->rig_rotation_sigma, 1e-9 * (double)c->rig_clock_sigma_ns,
                       c->gyro_bias_sigma);
 }
 
-static void turn(const double r[9], double v[3]) {
-    const double a[3] = {v[0], v[1], v[2]};
-    for (int i = 0; i < 3; i++) v[i] = r[3 * i] * a[0] + r[3 * i + 1] * a[1] + r[3 * i + 2] * a[2];
-}
-
-static void change_sample(inertial_sample *s, const double r[9], int64_t later_ns) {
-    turn(r, s->gyro);
-    turn(r, s->accel);
-    s->timestamp_ns += later_ns;
-}
-
 /* From here on the rig is another, for the samples at hand as well. */
 static void apply(inertial *n, const double mounting[3], double offset) {
-    double r[9];
-    int64_t later_ns = llround(1e9 * offset);
-    so3_exp(mounting, r);
-    pose turned = {{0}, {0}};
-    so3_multiply(r, n->rotation, turned.r);
-    pose_normalise(&turned);
-    memcpy(n->rotation, turned.r, sizeof n->rotation);
-    n->refined_ns += later_ns;
-    for (unsigned i = 0; i < n->count; i++)
-        change_sample(&n->history[(n->first + i) & (n->capacity - 1)], r, later_ns);
-    change_sample(&n->doubt, r, later_ns);
-    turn(r, n->gyro_bias);
-    memset(&n->stillness, 0, sizeof n->stillness);
+    samples_remount(&n->samples, mounting, llround(1e9 * offset));
     if (n->running) navigator_turn_imu(&n->state, mounting);
 }
 
@@ -59,10 +34,10 @@ void inertial_rig(const inertial *n, fathom_rig *rig) {
     bool refined = n->config->refine_rig;
     double part[9], whole[9];
     so3_exp(r->mounting, part);
-    so3_multiply(part, n->rotation, whole);
+    so3_multiply(part, n->samples.rotation, whole);
     for (int i = 0; i < 9; i++) rig->imu_to_camera_rotation[i] = (float)whole[i];
     for (int i = 0; i < 3; i++) rig->rotation_sigma[i] = refined ? (float)rig_refiner_sigma(r, i) : 0;
-    rig->imu_clock_offset_ns = n->config->imu_clock_offset_ns + n->refined_ns + llround(1e9 * r->offset);
+    rig->imu_clock_offset_ns = n->config->imu_clock_offset_ns + n->samples.refined_ns + llround(1e9 * r->offset);
     rig->clock_sigma_ns = refined ? llround(1e9 * rig_refiner_sigma(r, 3)) : 0;
     rig->intervals = r->intervals;
 }

@@ -25,6 +25,7 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, int blo
     device_buffer_make(d, a, TABLE_BYTES(entries), &v->table.entries);
     device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int4), &v->pool.keys);
     device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int), &v->pool.seen);
+    if (d->context && d->error == FATHOM_OK) volume_clear(v, d);
 }
 
 void volume_close(volume *v) {

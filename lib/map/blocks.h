@@ -3,8 +3,9 @@
 #ifndef FATHOM_BLOCKS_H
 #define FATHOM_BLOCKS_H
 
-#include "cl/device.h"
+#include "cl/buffer.h"
 #include "cl/kernel_types.h"
+#include "cl/launch.h"
 
 /* Where blocks lie: places 0..count-1 are in use, in the order in which the blocks were made. */
 typedef struct {

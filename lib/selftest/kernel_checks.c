@@ -21,18 +21,11 @@ const kernel_check kernel_checks[] = {
     {"raycast_near", check_raycast_near},
     {"count_triangles", check_count_triangles},
     {"emit_triangles", check_emit_triangles},
-    {"all of them, on a real frame", check_real_frame},
 };
 
 const int kernel_check_count = sizeof kernel_checks / sizeof kernel_checks[0];
 
-int kernel_checks_open(device *d, fathom_config *config, const char *name, fathom_buffers buffers,
-                       kernel_shape shape, fathom_log log, void *log_user) {
-    *config = fathom_config_default();
-    config->device = name;
-    config->buffers = buffers;
-    config->log = log;
-    config->log_user = log_user;
+int kernel_checks_open(device *d, const fathom_config *config, kernel_shape shape) {
     int e = device_choose(d, config);
     if (e != FATHOM_OK) return e;
     if (shape == SHAPE_OTHER && d->cpu) d->wide = d->wide == 16 ? 8 : 16; /* before the kernels are built */

@@ -80,10 +80,10 @@ static kernel_pair_limits random_limits(bench *b) {
     return l;
 }
 
-check_result check_align_reduce(device *d, char *why, size_t size) {
+fathom_check check_align_reduce(device *d, bool small, char *why, size_t size) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS * 4; i++) {
         static const double motions[4][2] = {{0.01, 0.01}, {0.2, 0.1}, {3, 0.5}, {0.05, 5}};
@@ -99,10 +99,10 @@ check_result check_align_reduce(device *d, char *why, size_t size) {
 }
 
 /* What isn't part of a pair may hold anything: none of it gets into the sums. */
-check_result check_align_not_finite(device *d, char *why, size_t size) {
+fathom_check check_align_not_finite(device *d, bool small, char *why, size_t size) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * 3; i++) {
         scan s = make_scan(&b, sizes[i % count], IMAGE_SURFACES);

@@ -13,13 +13,12 @@ const cl_float2 bench_noise = {{0.0001f, 0.003f}};
 
 /* ---- a run -------------------------------------------------------------------------------------------------- */
 
-void bench_start(bench *b, device *d, char *why, size_t size) {
-    const char *asked = getenv("FATHOM_CHECK_SIZE");
+void bench_start(bench *b, device *d, bool small, char *why, size_t size) {
     memset(b, 0, sizeof *b);
     b->d = d;
     b->why = why;
     b->why_size = size;
-    b->small = asked && strcmp(asked, "small") == 0;
+    b->small = small;
     b->shift = b->small ? BENCH_SHIFT : 0;
     b->random = 20140407;
     *why = 0;
@@ -35,12 +34,12 @@ void bench_fail(bench *b, const char *format, ...) {
     va_end(args);
 }
 
-check_result bench_end(bench *b) {
+fathom_check bench_end(bench *b) {
     bench_free(b);
     /* Doubt is for the rare comparison within rounding of its threshold: were it common, nothing would be checked. */
     if (b->doubtful > 5 + b->compared / 25)
         bench_fail(b, "%ld of %ld results in doubt", b->doubtful, b->doubtful + b->compared);
-    return b->failed ? CHECK_FAILED : CHECK_PASSED;
+    return b->failed ? FATHOM_CHECK_FAILED : FATHOM_CHECK_PASSED;
 }
 
 void *bench_alloc(size_t size) {

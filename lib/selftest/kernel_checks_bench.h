@@ -1,6 +1,6 @@
 /* What the kernel checks share: buffers with guarded ends, random images, comparisons. */
-#ifndef FATHOM_TESTS_KERNEL_CHECKS_BENCH_H
-#define FATHOM_TESTS_KERNEL_CHECKS_BENCH_H
+#ifndef FATHOM_KERNEL_CHECKS_BENCH_H
+#define FATHOM_KERNEL_CHECKS_BENCH_H
 
 #include "cl/kernel_types.h"
 #include "selftest/kernel_checks.h"
@@ -14,7 +14,7 @@ typedef struct {
     char *why;
     size_t why_size;
     bool failed;
-    bool small; /* FATHOM_CHECK_SIZE=small: few pixels, and buffers without a byte too many (for Oclgrind) */
+    bool small; /* few pixels, and buffers without a byte too many: for Oclgrind, which sees a byte too far */
     double shift;    /* metres to move the world by when small: Oclgrind 21.10 rounds negative numbers up */
     uint64_t random; /* state of bench_random */
     long compared, doubtful;
@@ -26,9 +26,9 @@ typedef struct {
     } buffers[BENCH_BUFFERS];
 } bench;
 
-void bench_start(bench *b, device *d, char *why, size_t size);
+void bench_start(bench *b, device *d, bool small, char *why, size_t size);
 /* Judges the share of what was left out for doubt, and ends. */
-check_result bench_end(bench *b);
+fathom_check bench_end(bench *b);
 void bench_fail(bench *b, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* ---- buffers: all are freed by bench_free, which also looks at what lies behind their ends ---- */
@@ -157,24 +157,23 @@ void compare_raycast(bench *b, bench_volume *v, const bench_view *view);
 /* Counts, and with emit also what they are. */
 void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit);
 
-check_result check_convert_depth(device *d, char *why, size_t size);
-check_result check_smooth_depth(device *d, char *why, size_t size);
-check_result check_halve_depth(device *d, char *why, size_t size);
-check_result check_normal_map(device *d, char *why, size_t size);
-check_result check_pack_map(device *d, char *why, size_t size);
-check_result check_halve_map(device *d, char *why, size_t size);
-check_result check_align_reduce(device *d, char *why, size_t size);
-check_result check_align_not_finite(device *d, char *why, size_t size);
-check_result check_request_blocks(device *d, char *why, size_t size);
-check_result check_clear_blocks(device *d, char *why, size_t size);
-check_result check_pack_planes(device *d, char *why, size_t size);
-check_result check_fuse_blocks(device *d, char *why, size_t size);
-check_result check_clear_ranges(device *d, char *why, size_t size);
-check_result check_range_blocks(device *d, char *why, size_t size);
-check_result check_raycast(device *d, char *why, size_t size);
-check_result check_raycast_near(device *d, char *why, size_t size);
-check_result check_count_triangles(device *d, char *why, size_t size);
-check_result check_emit_triangles(device *d, char *why, size_t size);
-check_result check_real_frame(device *d, char *why, size_t size);
+fathom_check check_convert_depth(device *d, bool small, char *why, size_t size);
+fathom_check check_smooth_depth(device *d, bool small, char *why, size_t size);
+fathom_check check_halve_depth(device *d, bool small, char *why, size_t size);
+fathom_check check_normal_map(device *d, bool small, char *why, size_t size);
+fathom_check check_pack_map(device *d, bool small, char *why, size_t size);
+fathom_check check_halve_map(device *d, bool small, char *why, size_t size);
+fathom_check check_align_reduce(device *d, bool small, char *why, size_t size);
+fathom_check check_align_not_finite(device *d, bool small, char *why, size_t size);
+fathom_check check_request_blocks(device *d, bool small, char *why, size_t size);
+fathom_check check_clear_blocks(device *d, bool small, char *why, size_t size);
+fathom_check check_pack_planes(device *d, bool small, char *why, size_t size);
+fathom_check check_fuse_blocks(device *d, bool small, char *why, size_t size);
+fathom_check check_clear_ranges(device *d, bool small, char *why, size_t size);
+fathom_check check_range_blocks(device *d, bool small, char *why, size_t size);
+fathom_check check_raycast(device *d, bool small, char *why, size_t size);
+fathom_check check_raycast_near(device *d, bool small, char *why, size_t size);
+fathom_check check_count_triangles(device *d, bool small, char *why, size_t size);
+fathom_check check_emit_triangles(device *d, bool small, char *why, size_t size);
 
 #endif

@@ -56,10 +56,10 @@ static uint16_t *random_frame(bench *b, const kernel_depth_source *s, bool limit
     return raw;
 }
 
-check_result check_convert_depth(device *d, char *why, size_t size) {
+fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * 16; i++) {
         int factor = 1 + i / count % 4, kind = i / count / 4; /* plain, limits, distorted, empty */
@@ -207,11 +207,11 @@ void compare_halve_map(bench *b, const float *fine, const kernel_camera *f) {
 /* ---- checks ------------------------------------------------------------------------------------------------------------ */
 
 /* Runs the function on images of every kind and size. */
-static check_result on_images(device *d, char *why, size_t size,
+static fathom_check on_images(device *d, bool small, char *why, size_t size,
                               void (*run)(bench *b, float *depth, kernel_camera *c)) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS; i++) {
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
@@ -250,22 +250,22 @@ static void run_halve_map(bench *b, float *depth, kernel_camera *c) {
     free(model);
 }
 
-check_result check_smooth_depth(device *d, char *why, size_t size) {
-    return on_images(d, why, size, run_smooth);
+fathom_check check_smooth_depth(device *d, bool small, char *why, size_t size) {
+    return on_images(d, small, why, size, run_smooth);
 }
 
-check_result check_halve_depth(device *d, char *why, size_t size) {
-    return on_images(d, why, size, run_halve);
+fathom_check check_halve_depth(device *d, bool small, char *why, size_t size) {
+    return on_images(d, small, why, size, run_halve);
 }
 
-check_result check_normal_map(device *d, char *why, size_t size) {
-    return on_images(d, why, size, run_normal);
+fathom_check check_normal_map(device *d, bool small, char *why, size_t size) {
+    return on_images(d, small, why, size, run_normal);
 }
 
-check_result check_pack_map(device *d, char *why, size_t size) {
-    return on_images(d, why, size, run_pack);
+fathom_check check_pack_map(device *d, bool small, char *why, size_t size) {
+    return on_images(d, small, why, size, run_pack);
 }
 
-check_result check_halve_map(device *d, char *why, size_t size) {
-    return on_images(d, why, size, run_halve_map);
+fathom_check check_halve_map(device *d, bool small, char *why, size_t size) {
+    return on_images(d, small, why, size, run_halve_map);
 }

@@ -51,10 +51,10 @@ void compare_ranges(bench *b, bench_volume *v, const kernel_camera *c, const ker
     free(widest);
 }
 
-check_result check_range_blocks(device *d, char *why, size_t size) {
+fathom_check check_range_blocks(device *d, bool small, char *why, size_t size) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * 4; i++) {
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
@@ -198,10 +198,10 @@ static float *scan_of(bench *b, bench_volume *v, const bench_view *view) {
     return scan;
 }
 
-static check_result raycasts(device *d, char *why, size_t size, bool near_scan) {
+static fathom_check raycasts(device *d, bool small, char *why, size_t size, bool near_scan) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     bench_shape ball = b.small ? bench_ball_shifted : bench_ball;
     /* so wide that its rim isn't in view: there, too, the outcome hangs on where samples fall */
@@ -243,12 +243,12 @@ static check_result raycasts(device *d, char *why, size_t size, bool near_scan) 
     return bench_end(&b);
 }
 
-check_result check_raycast(device *d, char *why, size_t size) {
-    return raycasts(d, why, size, false);
+fathom_check check_raycast(device *d, bool small, char *why, size_t size) {
+    return raycasts(d, small, why, size, false);
 }
 
-check_result check_raycast_near(device *d, char *why, size_t size) {
-    return raycasts(d, why, size, true);
+fathom_check check_raycast_near(device *d, bool small, char *why, size_t size) {
+    return raycasts(d, small, why, size, true);
 }
 
 /* ---- triangles ------------------------------------------------------------------------------------------------------ */
@@ -303,9 +303,9 @@ void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit) {
     free(offsets);
 }
 
-static check_result triangles(device *d, char *why, size_t size, bool emit) {
+static fathom_check triangles(device *d, bool small, char *why, size_t size, bool emit) {
     bench b;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     for (int i = 0; i < 4; i++) { /* a smooth surface; anything, with holes, twice; nothing */
         const double low[3] = {-0.3, -0.3, 0.6}, high[3] = {0.3, 0.3, 1.5};
         bench_volume v;
@@ -329,10 +329,10 @@ static check_result triangles(device *d, char *why, size_t size, bool emit) {
     return bench_end(&b);
 }
 
-check_result check_count_triangles(device *d, char *why, size_t size) {
-    return triangles(d, why, size, false);
+fathom_check check_count_triangles(device *d, bool small, char *why, size_t size) {
+    return triangles(d, small, why, size, false);
 }
 
-check_result check_emit_triangles(device *d, char *why, size_t size) {
-    return triangles(d, why, size, true);
+fathom_check check_emit_triangles(device *d, bool small, char *why, size_t size) {
+    return triangles(d, small, why, size, true);
 }

@@ -103,10 +103,10 @@ void compare_request_blocks(bench *b, const float *depth, const kernel_camera *c
     free(want_farthest);
 }
 
-check_result check_request_blocks(device *d, char *why, size_t size) {
+fathom_check check_request_blocks(device *d, bool small, char *why, size_t size) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS * 2; i++) {
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
@@ -137,10 +137,10 @@ check_result check_request_blocks(device *d, char *why, size_t size) {
 
 /* ---- clear_blocks, clear_ranges ----------------------------------------------------------------------------------- */
 
-check_result check_clear_blocks(device *d, char *why, size_t size) {
+fathom_check check_clear_blocks(device *d, bool small, char *why, size_t size) {
     enum { BLOCKS = 7 };
     bench b;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     for (int i = 0; i < 3; i++) {
         static const int ranges[3][2] = {{0, BLOCKS}, {2, 3}, {BLOCKS - 1, 1}};
         cl_int first = ranges[i][0];
@@ -158,11 +158,11 @@ check_result check_clear_blocks(device *d, char *why, size_t size) {
     return bench_end(&b);
 }
 
-check_result check_clear_ranges(device *d, char *why, size_t size) {
+fathom_check check_clear_ranges(device *d, bool small, char *why, size_t size) {
     enum { TILES = 37 };
     bench b;
     float got[2 * TILES], want[2 * TILES];
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     for (int i = 0; i < 2 * TILES; i++) got[i] = (float)bench_random(&b, -1, 1);
     cl_mem ranges = bench_buffer(&b, sizeof got, got);
     LAUNCH(&b, "clear_ranges", TILES, 1, 0, ARG(ranges));
@@ -220,10 +220,10 @@ void compare_pack_planes(bench *b, const float *depth, const float *normals, con
     free(got);
 }
 
-check_result check_pack_planes(device *d, char *why, size_t size) {
+fathom_check check_pack_planes(device *d, bool small, char *why, size_t size) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS; i++) {
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
@@ -324,10 +324,10 @@ static void blocks_about(bench *b, bench_volume *v, const float *depth, const ke
     }
 }
 
-check_result check_fuse_blocks(device *d, char *why, size_t size) {
+fathom_check check_fuse_blocks(device *d, bool small, char *why, size_t size) {
     bench b;
     const image_size *sizes;
-    bench_start(&b, d, why, size);
+    bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS; i++) {
         /* The kernel leaves out blocks out of view by a sphere against the frustum, which is generous by a pixel or so: a

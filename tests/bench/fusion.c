@@ -8,8 +8,8 @@
 #include <string.h>
 #include <time.h>
 
-#include "fathom/cli.h"
-#include "fathom/playback.h"
+#include "bench/bench_replay.h"
+#include "fathom/shell/cli.h"
 #include "api/context.h"
 
 enum { MAPS, ALLOCATE, FUSE, STAGES };
@@ -74,38 +74,13 @@ static int run(fathom *f, const fathom_recording *recording, int frames, uint16_
 }
 
 int main(int argc, char **argv) {
-    struct cli_log log = {0};
-    struct settings settings;
-    struct playback playback = {0};
-    fathom_recording *recording = NULL;
-    struct options options = {.count = argc, .arguments = argv, .at = 1};
-    const char *folder = NULL;
-    long frames = 100000;
-    settings_start(&settings);
-    while (options_next(&options)) {
-        const int taken = settings_take(&settings, &options);
-        if (taken > 0) continue;
-        const char *value = taken ? NULL : options.name[0] ? options_value(&options) : options.value;
-        if (!value) return CLI_USAGE;
-        if (!options.name[0])
-            folder = value;
-        else if (strcmp(options.name, "--frames"))
-            return cli_error(CLI_USAGE, "fusion: wrong option %s", options.name);
-        else if (!cli_parse_long(options.name, value, 1, 100000, &frames))
-            return CLI_USAGE;
-    }
-    if (!folder) return cli_error(CLI_USAGE, "usage: fusion FOLDER [--frames N] [settings]");
-    int status = playback_open(&recording, folder, NULL, &settings, &log);
-    if (!status) status = playback_start(&playback, recording, 1, &settings.config, &log);
-    if (!status) {
-        if (frames > recording->frame_count) frames = recording->frame_count;
-        uint16_t *depth = malloc((size_t)recording->width * (size_t)recording->height * sizeof *depth);
-        double(*ms)[STAGES] = malloc((size_t)frames * sizeof *ms);
-        status = depth && ms ? run(playback.scan, recording, (int)frames, depth, ms) : CLI_FAILED;
-        free(depth);
-        free(ms);
-    }
-    playback_stop(&playback);
-    fathom_recording_close(recording);
+    struct bench_replay bench = {.frames = 100000};
+    settings_start(&bench.settings);
+    int status = bench_replay_open(&bench, "fusion", argc, argv);
+    double(*ms)[STAGES] = status ? NULL : malloc((size_t)bench.frames * sizeof *ms);
+    if (!status)
+        status = ms ? run(bench.playback.scan, bench.recording, (int)bench.frames, bench.depth, ms) : CLI_FAILED;
+    free(ms);
+    bench_replay_close(&bench);
     return status;
 }

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fathom/cli.h"
-#include "fathom/playback.h"
+#include "bench/bench_replay.h"
+#include "fathom/shell/cli.h"
 #include "bench/heap_count.h"
 
 #define FIRST 10 /* frames that don't count */
@@ -53,36 +53,11 @@ static int run(struct playback *playback, const fathom_recording *recording, int
 }
 
 int main(int argc, char **argv) {
-    struct cli_log log = {0};
-    struct settings settings;
-    struct playback playback = {0};
-    fathom_recording *recording = NULL;
-    struct options options = {.count = argc, .arguments = argv, .at = 1};
-    const char *folder = NULL;
-    long frames = 40;
-    settings_start(&settings);
-    while (options_next(&options)) {
-        const int taken = settings_take(&settings, &options);
-        if (taken > 0) continue;
-        const char *value = taken ? NULL : options.name[0] ? options_value(&options) : options.value;
-        if (!value) return CLI_USAGE;
-        if (!options.name[0])
-            folder = value;
-        else if (strcmp(options.name, "--frames"))
-            return cli_error(CLI_USAGE, "heap: wrong option %s", options.name);
-        else if (!cli_parse_long(options.name, value, FIRST + 1, 100000, &frames))
-            return CLI_USAGE;
-    }
-    if (!folder) return cli_error(CLI_USAGE, "usage: heap FOLDER [--frames N] [settings]");
-    int status = playback_open(&recording, folder, NULL, &settings, &log);
-    if (!status) status = playback_start(&playback, recording, 1, &settings.config, &log);
-    if (!status) {
-        if (frames > recording->frame_count) frames = recording->frame_count;
-        uint16_t *depth = malloc((size_t)recording->width * (size_t)recording->height * sizeof *depth);
-        status = depth && frames > FIRST ? run(&playback, recording, (int)frames, depth) : CLI_FAILED;
-        free(depth);
-    }
-    playback_stop(&playback);
-    fathom_recording_close(recording);
+    struct bench_replay bench = {.frames = 40};
+    settings_start(&bench.settings);
+    int status = bench_replay_open(&bench, "heap", argc, argv);
+    if (!status && bench.frames <= FIRST) status = cli_error(CLI_USAGE, "heap: takes more than %d frames", FIRST);
+    if (!status) status = run(&bench.playback, bench.recording, (int)bench.frames, bench.depth);
+    bench_replay_close(&bench);
     return status;
 }

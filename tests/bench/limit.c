@@ -9,8 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fathom/cli.h"
-#include "fathom/playback.h"
+#include "bench/bench_replay.h"
+#include "fathom/shell/cli.h"
 #include "machine_limit.h"
 #include "stage_work.h"
 
@@ -274,40 +274,16 @@ static int run(struct playback *playback, const fathom_recording *recording, int
 }
 
 int main(int argc, char **argv) {
-    struct cli_log log = {0};
-    struct settings settings;
-    struct playback playback = {0};
-    fathom_recording *recording = NULL;
-    struct options options = {.count = argc, .arguments = argv, .at = 1};
-    const char *folder = NULL, *json = NULL;
-    long frames = 60;
-    settings_start(&settings);
-    settings.config.voxel_m = 0.01f;
-    while (options_next(&options)) {
-        const int taken = settings_take(&settings, &options);
-        const char *value = taken ? NULL : options.name[0] ? options_value(&options) : options.value;
-        if (taken > 0) continue;
-        if (!value) return CLI_USAGE;
-        if (!options.name[0])
-            folder = value;
-        else if (!strcmp(options.name, "--json"))
-            json = value;
-        else if (strcmp(options.name, "--frames") ||
-                 !cli_parse_long("--frames", value, FIRST + 4, 100000, &frames))
-            return cli_error(CLI_USAGE, "limit: wrong option %s", options.name);
-    }
-    if (!folder) return cli_error(CLI_USAGE, "usage: limit FOLDER [--frames N] [--json FILE] [settings]");
-    int status = playback_open(&recording, folder, NULL, &settings, &log);
-    if (!status) status = playback_start(&playback, recording, 1, &settings.config, &log);
-    if (!status) {
-        uint16_t *depth = malloc((size_t)recording->width * (size_t)recording->height * sizeof *depth);
-        status = depth ? run(&playback, recording, (int)frames, depth) : CLI_FAILED;
-        free(depth);
-    }
-    playback_stop(&playback);
-    fathom_recording_close(recording);
+    struct bench_replay bench = {.frames = 60};
+    settings_start(&bench.settings);
+    bench.settings.config.voxel_m = 0.01f;
+    int status = bench_replay_open(&bench, "limit", argc, argv);
+    if (!status && bench.frames < FIRST + 4) status = cli_error(CLI_USAGE, "limit: takes %d frames or more", FIRST + 4);
+    if (!status) status = run(&bench.playback, bench.recording, (int)bench.frames, bench.depth);
+    bench_replay_close(&bench);
     if (status) return status;
     print_table();
-    if (json && !write_json(json)) return cli_error(CLI_FAILED, "limit: %s can't be written", json);
+    if (bench.json && !write_json(bench.json))
+        return cli_error(CLI_FAILED, "limit: %s can't be written", bench.json);
     return CLI_DONE;
 }

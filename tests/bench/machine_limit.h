@@ -2,7 +2,7 @@
 #ifndef FATHOM_BENCH_MACHINE_LIMIT_H
 #define FATHOM_BENCH_MACHINE_LIMIT_H
 
-#include "cl/device.h"
+#include "cl/launch.h"
 
 typedef struct {
     double read, write, copy; /* bytes a second, buffers larger than the caches; copy: read and written */

@@ -120,16 +120,22 @@ cd - >/dev/null || exit 1
 uninstall_it() { make BUILD="$build" PREFIX=/usr DESTDIR="$root" uninstall; }
 
 # ---- the README's program
-readme_program() {
+readme_is_example() {
     awk '/^```c$/ && !done { inside = 1; next } /^```/ { if (inside) done = 1; inside = 0 } inside' README.md >"$work/readme.c" &&
-        [ -s "$work/readme.c" ] &&
+        diff examples/minimal.c "$work/readme.c"
+}
+minimal() { [ "$("$build/minimal" | cut -d: -f1 | tr '\n' ' ')" = "first tracked " ]; }
+readme_program() {
+    [ -s "$work/readme.c" ] &&
         $cc -std=c11 -Wall -Wextra -Werror -o "$work/readme" "$work/readme.c" $(pkg-config --cflags --libs fathom) -lm &&
         LD_LIBRARY_PATH=$usr/lib "$work/readme"
 }
 if [ -f README.md ] && grep -q '^```c$' README.md; then
-    check "the README's program compiles and runs" readme_program
+    check "the README's program is examples/minimal.c" readme_is_example
+    check "examples/minimal.c tracks its second frame" minimal
+    check "the README's program compiles and runs outside" readme_program
 else
-    skip "the README's program compiles and runs" "there is none yet"
+    skip "the README's program" "there is none"
 fi
 
 check "make uninstall" uninstall_it

@@ -11,8 +11,9 @@
 #include <string.h>
 
 #include "simulate/counter_random.h"
-#include "fathom/playback.h"
+#include "fathom/replay/playback.h"
 #include "api/context.h"
+#include "base/covariance.h"
 
 #define DEGREES 57.29577951308232
 #define ALIGNED 6  /* candidates of a frame: aligned from an injected misalignment */

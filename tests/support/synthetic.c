@@ -16,6 +16,7 @@
 
 #include "simulate/camera_path.h"
 #include "simulate/imu_model.h"
+#include "base/covariance.h"
 #include "base/se3.h"
 
 #define FIRST_S 1.0 /* the stamp of frame 0 */

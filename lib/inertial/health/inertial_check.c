@@ -1,9 +1,10 @@
-/* Feeds lib/inertial/health/plausibility.c with what samples and alignment say of the same stretches of time, and acts on what it finds. */
+/* Feeds inertial/health/plausibility.c with what samples and alignment say of the same stretches of time, and acts on what it finds. */
 #include <math.h>
 #include <string.h>
 
-#include "cl/device.h"
+#include "base/log.h"
 #include "inertial/inertial.h"
+#include "inertial/start.h"
 
 #define INTERVAL_NS 150000000 /* evidence is gathered over at least this: alignment's noise counts less */
 #define INTERVAL_MOST_NS 700000000
@@ -18,24 +19,14 @@
 void inertial_check_reset(inertial *n) {
     n->usable = n->config->imu;
     n->force_usable = n->config->imu_translation;
-    plausibility_start(&n->check, n->rotation, n->config->gravity);
+    plausibility_start(&n->check, n->samples.rotation, n->config->gravity);
     n->told[0] = n->told[1] = FATHOM_IMU_UNCHECKED;
     n->base_ns = n->accepted_ns = INT64_MIN;
     n->moving = false;
 }
 
-static const inertial_sample *sample(const inertial *n, unsigned i) {
-    return &n->history[(n->first + i) & (n->capacity - 1)];
-}
-
 static void turn_back(const double r[9], const double v[3], double out[3]) {
     for (int i = 0; i < 3; i++) out[i] = r[i] * v[0] + r[3 + i] * v[1] + r[6 + i] * v[2];
-}
-
-static pose imu_pose(const inertial *n, const pose *camera) {
-    pose imu = *camera;
-    pose_apply(camera, n->lever, imu.t);
-    return imu;
 }
 
 /* Goes on by dt at a rate, bias still in it: turned is the turn so far, by_bias what a bias does to it. */
@@ -58,15 +49,15 @@ static void turn_on(const inertial *n, const double rate[3], double dt, bool fir
 static bool integrate(const inertial *n, const double r[9], const double turn[3], plausibility_interval *e,
                       rig_interval *w) {
     double rate[3] = {0, 0, 0}, force[3] = {0, 0, 0}, whole = (double)(e->to_ns - e->from_ns);
-    int64_t longest = 5 * n->period_ns;
-    unsigned i = n->count;
-    while (i > 0 && sample(n, i - 1)->timestamp_ns > e->from_ns) i--;
-    if (i == 0 || n->count < 2) return false;
+    int64_t longest = 5 * n->samples.period_ns;
+    unsigned i = n->samples.count;
+    while (i > 0 && sample_at(&n->samples, i - 1)->timestamp_ns > e->from_ns) i--;
+    if (i == 0 || n->samples.count < 2) return false;
     e->has_force = true;
     for (int64_t t = e->from_ns; t < e->to_ns; i++) {
-        const inertial_sample *a = sample(n, i - 1), *b = i < n->count ? sample(n, i) : NULL;
+        const inertial_sample *a = sample_at(&n->samples, i - 1), *b = i < n->samples.count ? sample_at(&n->samples, i) : NULL;
         int64_t next = b && b->timestamp_ns < e->to_ns ? b->timestamp_ns : e->to_ns;
-        if ((b ? b->timestamp_ns : next) - a->timestamp_ns > (b ? longest : 2 * n->period_ns)) return false;
+        if ((b ? b->timestamp_ns : next) - a->timestamp_ns > (b ? longest : 2 * n->samples.period_ns)) return false;
         double dt = 1e-9 * (double)(next - t),
                middle = 0.5 * ((double)(t - e->from_ns) + (double)(next - e->from_ns));
         double f = b ? (middle - (double)(a->timestamp_ns - e->from_ns)) /
@@ -92,15 +83,15 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
         }
         t = next;
     }
-    turn_back(n->rotation, rate, e->gyro);
-    turn_back(n->rotation, force, e->force);
+    turn_back(n->samples.rotation, rate, e->gyro);
+    turn_back(n->samples.rotation, force, e->force);
     return true;
 }
 
 /* What alignment, gyroscope and accelerometer say of the way from one frame to another. False where they can't be compared. */
 static bool compare(const inertial *n, const pose *base, const pose *aligned, plausibility_interval *e,
                     rig_interval *w) {
-    pose way = pose_between(base, aligned), from = imu_pose(n, base), to = imu_pose(n, aligned);
+    pose way = pose_between(base, aligned), from = inertial_imu_pose(n, base), to = inertial_imu_pose(n, aligned);
     double turn[3], half[3], part[9];
     if (e->to_ns - e->from_ns >= INTERVAL_MOST_NS || pose_angle(&way) >= INTERVAL_TURN) return false;
     so3_log(way.r, turn);
@@ -109,10 +100,10 @@ static bool compare(const inertial *n, const pose *base, const pose *aligned, pl
         half[k] = 0.5 * turn[k];
         e->moved[k] = to.t[k] - from.t[k];
     }
-    turn_back(n->rotation, turn, e->turn);
+    turn_back(n->samples.rotation, turn, e->turn);
     so3_exp(half, part);
     so3_multiply(base->r, part, e->imu_to_world);
-    so3_multiply(e->imu_to_world, n->rotation, e->imu_to_world);
+    so3_multiply(e->imu_to_world, n->samples.rotation, e->imu_to_world);
     e->has_force = e->has_force && n->force_usable;
     memcpy(w->from, base->r, sizeof w->from);
     memcpy(w->to, aligned->r, sizeof w->to);
@@ -131,7 +122,7 @@ static void add_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns)
 
 /* The awaited pose, once the samples reach it. */
 static void use_awaited(inertial *n) {
-    if (!n->awaiting || n->count == 0 || sample(n, n->count - 1)->timestamp_ns < n->awaited_ns) return;
+    if (!n->awaiting || n->samples.count == 0 || sample_at(&n->samples, n->samples.count - 1)->timestamp_ns < n->awaited_ns) return;
     plausibility_interval e = {.from_ns = n->refined_at_ns, .to_ns = n->awaited_ns};
     rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     bool good = e.from_ns != INT64_MIN && compare(n, &n->refined_at, &n->awaited, &e, &w);
@@ -149,17 +140,6 @@ static void add_rig_evidence(inertial *n, const pose *aligned, int64_t timestamp
     use_awaited(n);
 }
 
-/* The navigator begins anew at the accepted pose: what it made of wrong samples is in all of its state. */
-static void start_again(inertial *n) {
-    pose imu = imu_pose(n, &n->accepted);
-    const double gravity[3] = {0, 0, 0};
-    if (!n->usable) memset(n->gyro_bias, 0, sizeof n->gyro_bias);
-    n->state.timestamp_ns = n->accepted_ns;
-    navigator_start(&n->state, &imu, gravity, 0.3, n->gyro_bias_sigma, n->config->accel_bias_sigma, 1);
-    memcpy(n->state.gyro_bias, n->gyro_bias, sizeof n->gyro_bias);
-    if (n->moving) memcpy(n->state.v, n->velocity, sizeof n->velocity);
-}
-
 static void tell(inertial *n, bool gyro) {
     const plausibility_finding *f = gyro ? &n->check.gyro : &n->check.accel;
     fathom_imu_health *told = &n->told[gyro ? 0 : 1];
@@ -168,10 +148,10 @@ static void tell(inertial *n, bool gyro) {
     *told = f->health;
     if (f->health < FATHOM_IMU_SATURATED || (!gyro && !n->usable)) return;
     plausibility_describe(&n->check, gyro, text, sizeof text);
-    device_log(n->config, FATHOM_LOG_WARNING, "%s. The scan goes on %s", text,
-               !plausibility_bad(f) ? "with it"
-               : gyro               ? "without the IMU"
-                                    : "with the IMU's rotation only");
+    log_write(n->config, FATHOM_LOG_WARNING, "%s. The scan goes on %s", text,
+              !plausibility_bad(f) ? "with it"
+              : gyro               ? "without the IMU"
+                                   : "with the IMU's rotation only");
 }
 
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns) {
@@ -193,7 +173,7 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
     if (accepted && (gyro || (force && n->force_usable))) {
         n->usable = !gyro;
         n->force_usable = n->force_usable && !force;
-        start_again(n);
+        inertial_start_again(n);
     }
     tell(n, true);
     if (n->config->imu_translation) tell(n, false);
@@ -202,9 +182,9 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
 bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess,
                            double covariance[36]) {
     const fathom_config *c = n->config;
-    if (!c->imu_check || !n->usable || n->count < 2 || n->accepted_ns == INT64_MIN || c->inertial_hook)
+    if (!c->imu_check || !n->usable || n->samples.count < 2 || n->accepted_ns == INT64_MIN || c->inertial_hook)
         return false;
-    if (!plausibility_doubtful(&n->check, n->force_usable && isfinite(sample(n, n->count - 1)->accel[0])) ||
+    if (!plausibility_doubtful(&n->check, n->force_usable && isfinite(sample_at(&n->samples, n->samples.count - 1)->accel[0])) ||
         timestamp_ns - n->accepted_ns > GUESS_NS)
         return false;
     double dt = 1e-9 * (double)(timestamp_ns - n->accepted_ns), twist[6] = {0};

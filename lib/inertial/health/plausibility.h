@@ -1,5 +1,5 @@
 /* Is the IMU what the settings say? Its turning and specific force against those that alignment shows, in running sums: no
- * heap, a few hundred operations an interval. Pure arithmetic; lib/inertial/health/inertial_check.c feeds it and acts on what it finds.
+ * heap, a few hundred operations an interval. Pure arithmetic; inertial/health/inertial_check.c feeds it and acts on what it finds.
  *
  * All vectors are in the IMU's axes as the mounting in the settings has them, so that what is found is named in the axes
  * that the caller's driver fills. The methods: regression of the gyroscope's angle on alignment's, with a bias of its own;

@@ -1,4 +1,4 @@
-/* The words of lib/inertial/health/plausibility.c's findings. */
+/* The words of inertial/health/plausibility.c's findings. */
 #include <math.h>
 #include <stdio.h>
 

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "simulate/counter_random.h"
+#include "base/covariance.h"
 #include "base/se3.h"
 
 #define PI 3.14159265358979323846

@@ -19,7 +19,7 @@
 
 #include "api/context.h"
 #include "map/mesh.h"
-#include "selftest/kernel_checks.h"
+#include "kernel_checks_real.h"
 #include "selftest/kernel_checks_bench.h"
 
 /* ---- every check, everywhere ---------------------------------------------------------------------------------- */
@@ -78,6 +78,9 @@ typedef struct {
     char title[256];
 } job;
 
+static const kernel_check real_frame = {"all of them, on a real frame", check_real_frame};
+
+static bool small;
 static device open_device;
 static fathom_config open_config;
 static const job *opened;
@@ -91,17 +94,18 @@ static void runs_like_the_reference(void **state) {
     job *j = *state;
     if (!opened || opened->at != j->at || opened->how != j->how) {
         close_device();
-        assert_int_equal(kernel_checks_open(&open_device, &open_config,
-                                            j->at->alone ? j->at->platform : j->at->name, j->how->buffers,
-                                            j->how->shape, to_stderr, NULL),
-                         FATHOM_OK);
+        open_config = fathom_config_default();
+        open_config.device = j->at->alone ? j->at->platform : j->at->name;
+        open_config.buffers = j->how->buffers;
+        open_config.log = to_stderr;
+        assert_int_equal(kernel_checks_open(&open_device, &open_config, j->how->shape), FATHOM_OK);
         opened = j;
     }
     char why[256] = "";
-    check_result result = j->check->run(&open_device, why, sizeof why);
-    if (result == CHECK_SKIPPED) /* cmocka 1.1.5 writes "not ok" for its own skip() */
+    fathom_check result = j->check->run(&open_device, small, why, sizeof why);
+    if (result == FATHOM_CHECK_SKIPPED) /* cmocka 1.1.5 writes "not ok" for its own skip() */
         snprintf(j->title + strlen(j->title), sizeof j->title - strlen(j->title), " # SKIP %s", why);
-    if (result == CHECK_FAILED) fail_msg("%s", why);
+    if (result == FATHOM_CHECK_FAILED) fail_msg("%s", why);
 }
 
 /* ---- any number of threads ------------------------------------------------------------------------------------ */
@@ -219,18 +223,18 @@ static void there_is_a_device(void **state) {
 int main(int argc, char **argv) {
     if (argc == 4 && strcmp(argv[1], "--digest") == 0) return digest_main(atoi(argv[2]), atoi(argv[3]));
     const char *asked = getenv("FATHOM_CHECK_SIZE");
-    bool small = asked && strcmp(asked, "small") == 0;
+    small = asked && strcmp(asked, "small") == 0;
     find_places();
     int count = 0;
-    size_t most = (size_t)(1 + place_count * (1 + VARIANTS * kernel_check_count));
+    size_t most = (size_t)(1 + place_count * (1 + VARIANTS * (kernel_check_count + 1)));
     struct CMUnitTest *tests = bench_alloc(most * sizeof *tests);
     job *jobs = bench_alloc(most * sizeof *jobs);
     tests[count++] = (struct CMUnitTest){"there is an OpenCL device", there_is_a_device, NULL, NULL, NULL};
     for (int p = 0; p < place_count; p++) {
         for (int v = 0; v < VARIANTS; v++)
-            for (int k = 0; k < kernel_check_count; k++) {
+            for (int k = 0; k <= kernel_check_count; k++) {
                 job *j = &jobs[count];
-                *j = (job){&places[p], &variants[v], &kernel_checks[k], ""};
+                *j = (job){&places[p], &variants[v], k < kernel_check_count ? &kernel_checks[k] : &real_frame, ""};
                 snprintf(j->title, sizeof j->title, "%s (%s; %.60s)", j->check->name, j->how->says,
                          j->at->platform);
                 tests[count++] = (struct CMUnitTest){j->title, runs_like_the_reference, NULL, NULL, j};

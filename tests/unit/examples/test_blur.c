@@ -10,7 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fathom/cli.h"
+#include "fathom/commands.h"
+#include "fathom/shell/cli.h"
 #include "simulate/exposure.h"
 #include "simulate/sensor_noise.h"
 
@@ -196,8 +197,8 @@ static void exposure_without_blur_is_refused(void **state) {
     (void)state;
     char *without[] = {"simulate", "room", "never-written", "--exposure", "0.01"};
     char *long_one[] = {"simulate", "room", "never-written", "--blur", "--rolling", "0.2"};
-    assert_int_equal(command_simulate(5, without), CLI_USAGE);
-    assert_int_equal(command_simulate(6, long_one), CLI_USAGE);
+    assert_int_equal(command_simulate.run(&command_simulate, 5, without), CLI_USAGE);
+    assert_int_equal(command_simulate.run(&command_simulate, 6, long_one), CLI_USAGE);
 }
 
 int main(void) {

@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "fathom/evaluate.h"
+#include "fathom/replay/evaluate.h"
 
 /* A turn of 120 degrees about (1 1 1), which takes x to y to z to x, and a shift. */
 static void move(const double in[3], double out[3]) {

@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "simulate/counter_random.h"
-#include "api/settings.h"
+#include "base/stamps.h"
 #include "inertial/inertial.h"
 
 #define SECOND 1000000000ll
@@ -26,7 +26,7 @@ static void begin(void) {
     arena a = {block, sizeof block, 0};
     memset(&n, 0, sizeof n);
     inertial_init(&n, &a, &config);
-    assert_non_null(n.ring);
+    assert_non_null(n.samples.ring);
 }
 
 static int setup(void **state) {
@@ -204,7 +204,7 @@ static void a_gap_is_bridged_and_lowers_trust(void **state) {
     for (int i = 0; i <= 300; i++)
         if (i < 100 || i > 160) push_rate(0.005 * i, rate); /* none from 0.5 to 0.8 s */
     inertial_drain(&n);
-    assert_int_equal(n.counters.imu_gaps, 1);
+    assert_int_equal(n.samples.gaps, 1);
     double w[3] = {0, 0.4 * 0.6, 0}, r[9];
     so3_exp(w, r);
     inertial_motion with = estimate(0.4, 1.0), without = estimate(0.81, 1.41);
@@ -325,7 +325,7 @@ static void without_translation_the_accelerometer_does_not_count(void **state) {
 /* Stamps from a broken caller: no number overflows, and what comes out is finite. */
 static void absurd_stamps_stay_finite(void **state) {
     (void)state;
-    const int64_t stamps[] = {-STAMP_MOST, -1000 * SECOND, 0, SECOND, 100 * SECOND, STAMP_MOST};
+    const int64_t stamps[] = {-STAMP_MAX, -1000 * SECOND, 0, SECOND, 100 * SECOND, STAMP_MAX};
     for (int imu = 0; imu < 2; imu++)
         for (int running = 0; running < 2; running++) {
             config.imu = imu;
@@ -386,16 +386,16 @@ static void a_still_start_finds_the_bias(void **state) {
         before = estimate(0.05, 0.15);
         begin();
         push_biased(2, 1.5, rate, accel);
-        for (int j = 0; j < 3; j++) assert_true(fabs(n.gyro_bias[j] - bias[j]) < 4 * n.gyro_bias_sigma);
-        for (int j = 0; j < 3; j++) assert_true(fabs(n.gyro_bias[j] - bias[j]) < 1e-3);
-        assert_true(n.gyro_bias_sigma < 0.25 * config.gyro_bias_sigma && n.gyro_bias_sigma > 0);
+        for (int j = 0; j < 3; j++) assert_true(fabs(n.samples.still.gyro_bias[j] - bias[j]) < 4 * n.samples.still.gyro_bias_sigma);
+        for (int j = 0; j < 3; j++) assert_true(fabs(n.samples.still.gyro_bias[j] - bias[j]) < 1e-3);
+        assert_true(n.samples.still.gyro_bias_sigma < 0.25 * config.gyro_bias_sigma && n.samples.still.gyro_bias_sigma > 0);
         after = estimate(0.05, 0.15);
         assert_true(sigma(&after, 0) < sigma(&before, 0));
         double none[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}; /* at rest it reads no turn any more */
         inertial_motion rest = estimate(0.2, 1.2);
         assert_true(off(&rest, none) < 2e-3);
         inertial_reset(&n); /* forgets it */
-        assert_true(n.gyro_bias[0] == 0 && n.gyro_bias_sigma == (double)config.gyro_bias_sigma);
+        assert_true(n.samples.still.gyro_bias[0] == 0 && n.samples.still.gyro_bias_sigma == (double)config.gyro_bias_sigma);
     }
 }
 
@@ -403,18 +403,18 @@ static void a_moving_start_finds_none(void **state) {
     (void)state;
     const double rate[3] = {0.5, 0.8, -0.3};
     push_biased(2, -0.1, rate, true);
-    for (int j = 0; j < 3; j++) assert_true(n.gyro_bias[j] == 0);
-    assert_true(n.gyro_bias_sigma >= (double)config.gyro_bias_sigma);
+    for (int j = 0; j < 3; j++) assert_true(n.samples.still.gyro_bias[j] == 0);
+    assert_true(n.samples.still.gyro_bias_sigma >= (double)config.gyro_bias_sigma);
 
     begin(); /* 0.3 s of stillness are too short */
     push_biased(1, 0.3, rate, true);
-    for (int j = 0; j < 3; j++) assert_true(n.gyro_bias[j] == 0);
+    for (int j = 0; j < 3; j++) assert_true(n.samples.still.gyro_bias[j] == 0);
 
     begin(); /* a steady turn that no bias reaches isn't stillness */
     const double steady[3] = {0, 0.2, 0};
     for (int i = 0; i <= 400; i++) push_rate(0.005 * i, steady);
     inertial_drain(&n);
-    for (int j = 0; j < 3; j++) assert_true(n.gyro_bias[j] == 0);
+    for (int j = 0; j < 3; j++) assert_true(n.samples.still.gyro_bias[j] == 0);
 
     begin(); /* turning slowly about the vertical while the hand shakes: the accelerometer gives it away */
     for (int i = 0; i <= 400; i++) {
@@ -422,7 +422,7 @@ static void a_moving_start_finds_none(void **state) {
         assert_int_equal(inertial_push(&n, &s), FATHOM_OK);
     }
     inertial_drain(&n);
-    for (int j = 0; j < 3; j++) assert_true(n.gyro_bias[j] == 0);
+    for (int j = 0; j < 3; j++) assert_true(n.samples.still.gyro_bias[j] == 0);
 }
 
 /* ---- bad samples -------------------------------------------------------------------------------------------------- */
@@ -446,11 +446,11 @@ static void bad_samples_are_counted_and_dropped(void **state) {
     fathom_imu_sample no_accel = {ns(0.505), {0, 0.4f, 0}, {NAN, NAN, NAN}};
     assert_int_equal(inertial_push(&n, &no_accel), FATHOM_OK);
     inertial_drain(&n);
-    assert_int_equal(n.counters.imu_accepted, 102);
-    assert_int_equal(n.counters.imu_out_of_order, 3);
-    assert_int_equal(atomic_load(&n.not_finite), 18);
-    assert_int_equal(atomic_load(&n.overrun), 0);
-    assert_int_equal(n.counters.imu_gaps, 0);
+    assert_int_equal(n.samples.accepted, 102);
+    assert_int_equal(n.samples.out_of_order, 3);
+    assert_int_equal(atomic_load(&n.samples.not_finite), 18);
+    assert_int_equal(atomic_load(&n.samples.overrun), 0);
+    assert_int_equal(n.samples.gaps, 0);
     double w[3] = {0, 0.4 * 0.35, 0}, r[9]; /* and what is left is whole */
     so3_exp(w, r);
     inertial_motion m = estimate(0.05, 0.4);
@@ -458,7 +458,7 @@ static void bad_samples_are_counted_and_dropped(void **state) {
     push_rate(0.9, rate);
     push_rate(1.9, rate);
     inertial_drain(&n);
-    assert_int_equal(n.counters.imu_gaps, 2);
+    assert_int_equal(n.samples.gaps, 2);
 }
 
 static void a_full_ring_drops_the_newest_and_counts(void **state) {
@@ -466,21 +466,21 @@ static void a_full_ring_drops_the_newest_and_counts(void **state) {
     const double rate[3] = {0, 0, 0.1};
     config.imu_capacity = 100; /* rounded up to a power of two */
     begin();
-    assert_int_equal(n.capacity, 128);
+    assert_int_equal(n.samples.capacity, 128);
     for (int i = 0; i < 200; i++) push_rate(0.01 * i, rate);
-    assert_int_equal(atomic_load(&n.overrun), 72);
+    assert_int_equal(atomic_load(&n.samples.overrun), 72);
     inertial_drain(&n);
-    assert_int_equal(n.counters.imu_accepted, 128);
-    assert_int_equal(n.history[(n.first + 127) & 127].timestamp_ns, ns(1.27));
+    assert_int_equal(n.samples.accepted, 128);
+    assert_int_equal(n.samples.history[(n.samples.first + 127) & 127].timestamp_ns, ns(1.27));
     for (int i = 200; i < 300; i++) push_rate(0.01 * i, rate); /* the history keeps the latest */
     inertial_drain(&n);
-    assert_int_equal(n.counters.imu_accepted, 228);
-    assert_int_equal(n.count, 128);
-    assert_int_equal(n.history[n.first & 127].timestamp_ns, ns(1.00));
-    assert_int_equal(n.history[(n.first + 127) & 127].timestamp_ns, ns(2.99));
-    for (unsigned i = 1; i < n.count; i++)
-        assert_true(n.history[(n.first + i) & 127].timestamp_ns >
-                    n.history[(n.first + i - 1) & 127].timestamp_ns);
+    assert_int_equal(n.samples.accepted, 228);
+    assert_int_equal(n.samples.count, 128);
+    assert_int_equal(n.samples.history[n.samples.first & 127].timestamp_ns, ns(1.00));
+    assert_int_equal(n.samples.history[(n.samples.first + 127) & 127].timestamp_ns, ns(2.99));
+    for (unsigned i = 1; i < n.samples.count; i++)
+        assert_true(n.samples.history[(n.samples.first + i) & 127].timestamp_ns >
+                    n.samples.history[(n.samples.first + i - 1) & 127].timestamp_ns);
 }
 
 static void nothing_known_is_said(void **state) {
@@ -512,10 +512,10 @@ static void *push_many(void *argument) {
             (int64_t)i * 1000, {1e-3f * (float)(i % 1000), 1e-4f * (float)i, 1}, {0, 0, (float)(i % 7)}};
         int64_t before;
         do { /* this thread alone counts overruns: it sees whether its sample was dropped */
-            before = atomic_load(&n.overrun);
+            before = atomic_load(&n.samples.overrun);
             if (inertial_push(&n, &s) != FATHOM_OK) return (void *)1;
-            if (atomic_load(&n.overrun) != before && p->retry) sched_yield();
-        } while (p->retry && atomic_load(&n.overrun) != before);
+            if (atomic_load(&n.samples.overrun) != before && p->retry) sched_yield();
+        } while (p->retry && atomic_load(&n.samples.overrun) != before);
     }
     atomic_store(&p->done, true);
     return NULL;
@@ -527,12 +527,12 @@ static int drain_all(pusher *p, bool all) {
     int arrived = 0;
     for (bool done = false; !done;) {
         done = atomic_load(&p->done); /* what was pushed before is there now */
-        int64_t before = n.counters.imu_accepted;
+        int64_t before = n.samples.accepted;
         inertial_drain(&n);
-        int fresh = (int)(n.counters.imu_accepted - before);
-        assert_true(fresh <= (int)n.capacity);
+        int fresh = (int)(n.samples.accepted - before);
+        assert_true(fresh <= (int)n.samples.capacity);
         for (int i = 0; i < fresh; i++) {
-            inertial_sample *s = &n.history[(n.first + n.count - (unsigned)(fresh - i)) & (n.capacity - 1)];
+            inertial_sample *s = &n.samples.history[(n.samples.first + n.samples.count - (unsigned)(fresh - i)) & (n.samples.capacity - 1)];
             int64_t which = s->timestamp_ns / 1000;
             assert_true(all ? s->timestamp_ns == last + 1000 : s->timestamp_ns > last);
             assert_true(s->gyro[0] == (double)(1e-3f * (float)(which % 1000)) &&
@@ -557,12 +557,12 @@ static void all_samples_cross_exactly_once_and_in_order(void **state) {
         int arrived = drain_all(&p, retry);
         pthread_join(thread, &result);
         assert_null(result);
-        assert_int_equal(n.counters.imu_out_of_order, 0);
-        assert_int_equal(n.counters.imu_accepted, arrived);
+        assert_int_equal(n.samples.out_of_order, 0);
+        assert_int_equal(n.samples.accepted, arrived);
         if (retry)
             assert_int_equal(arrived, MANY);
         else /* none is lost uncounted */
-            assert_int_equal(arrived + atomic_load(&n.overrun), MANY);
+            assert_int_equal(arrived + atomic_load(&n.samples.overrun), MANY);
     }
 }
 

@@ -58,7 +58,7 @@ static void begin(enum scene_kind kind, uint64_t seed, const char *grade, const 
     arena a = {block, sizeof block, 0};
     memset(&n, 0, sizeof n);
     inertial_init(&n, &a, &config);
-    assert_non_null(n.ring);
+    assert_non_null(n.samples.ring);
     assert_true(scene_make(&scene, kind, seed, 40.0));
     camera_path_make(&path, &scene, 0.5, 1.0, 1.0);
     scene_free(&scene);

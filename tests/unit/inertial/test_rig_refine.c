@@ -215,7 +215,7 @@ static void standing_still_moves_nothing(void **state) {
         assert_true(e.rig.rotation_sigma[k] > 0.9 * config.rig_rotation_sigma);
     }
     assert_true(fabs(e.offset - first.offset) < 0.25e-9 * (double)config.rig_clock_sigma_ns);
-    assert_true(n.refined_ns == 0); /* nothing stands out, so nothing was applied */
+    assert_true(n.samples.refined_ns == 0); /* nothing stands out, so nothing was applied */
     assert_true((double)e.rig.clock_sigma_ns > 0.8 * (double)config.rig_clock_sigma_ns);
 }
 

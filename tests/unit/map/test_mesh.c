@@ -30,8 +30,8 @@ typedef struct {
 
 static int open_scene(void **state) {
     scene *s = bench_alloc(sizeof *s);
-    if (kernel_checks_open(&s->d, &s->config, NULL, FATHOM_BUFFERS_AUTO, SHAPE_OWN, NULL, NULL) != FATHOM_OK)
-        return -1;
+    s->config = fathom_config_default();
+    if (kernel_checks_open(&s->d, &s->config, SHAPE_OWN) != FATHOM_OK) return -1;
     if (posix_memalign(&s->memory, ARENA_ALIGNMENT, ARENA_BYTES)) return -1;
     arena a = {s->memory, ARENA_BYTES, 0};
     s->config.voxel_m = 0.02f;

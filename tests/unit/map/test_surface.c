@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "simulate/camera_path.h"
-#include "fathom/cli.h"
+#include "fathom/shell/cli.h"
 #include "simulate/scene.h"
 #include "fathom_drivers.h"
 

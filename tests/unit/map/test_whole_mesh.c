@@ -14,7 +14,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "fathom/block_store.h"
+#include "fathom/files/block_store.h"
 #include "api/context.h"
 #include "map/eviction.h"
 #include "synthetic.h"

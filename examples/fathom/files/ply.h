@@ -1,0 +1,43 @@
+/* Streams triangles into a binary little-endian PLY file with normals, in bounded memory.
+ *
+ * Vertices go to FILE.part, faces to FILE.faces.part; at the end the faces are appended, the counts are set
+ * in the header and the file is renamed to its place. So FILE is whole or not touched. */
+#ifndef FATHOM_CLI_PLY_H
+#define FATHOM_CLI_PLY_H
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "fathom/files/block_store.h"
+#include "fathom.h"
+#include "fathom/shell/log.h"
+
+struct ply_slot; /* of the window in which shared corners are recognised */
+
+struct ply {
+    const char *path;
+    char *vertices_path, *faces_path;
+    FILE *vertices, *faces;
+    struct ply_slot *window;
+    uint32_t clock; /* picks the slot that gives way */
+    int64_t vertex_count, face_count;
+    bool failed; /* and said so */
+};
+
+/* Each returns false after saying what went wrong; what was half written is then removed. */
+bool ply_open(struct ply *ply, const char *path);
+
+/* Writes what was streamed and closes; must follow ply_open, whatever happened in between. */
+bool ply_close(struct ply *ply);
+
+/* Gives up: nothing is written. */
+void ply_discard(struct ply *ply);
+
+/* A fathom_triangles; user is the struct ply. Returns nonzero when writing failed, and says so. */
+int ply_triangles(void *user, const fathom_vertex *vertices, size_t triangle_count);
+
+/* The whole surface of a context, with what was dropped, as such a file; log is the context's. */
+bool ply_write_surface(fathom *scan, const struct block_store *dropped, const char *path, struct cli_log *log);
+
+#endif

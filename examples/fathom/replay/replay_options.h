@@ -1,0 +1,23 @@
+/* The arguments of `fathom replay`. */
+#ifndef FATHOM_CLI_REPLAY_OPTIONS_H
+#define FATHOM_CLI_REPLAY_OPTIONS_H
+
+#include "fathom/shell/option_values.h"
+#include "fathom/shell/settings.h"
+
+struct replay_options {
+    const char *folder;
+    const char *trajectory, *mesh, *stats, *picture; /* files to write, or NULL */
+    const char *imu;                                 /* instead of imu.txt; "": none; NULL: imu.txt */
+    long stride;                                     /* 1: every frame */
+    struct frame_ranges outages, walls, cards;
+    bool progress, verbose;
+    struct settings settings;
+};
+
+/* As options_read, from the defaults on. */
+int replay_options_read(struct replay_options *options, const struct command *command, int argc, char **argv);
+
+extern const struct option_group replay_groups[];
+
+#endif

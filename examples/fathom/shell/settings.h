@@ -1,0 +1,28 @@
+/* The options that settle a fathom_config; all commands that take settings share them. */
+#ifndef FATHOM_CLI_SETTINGS_H
+#define FATHOM_CLI_SETTINGS_H
+
+#include "fathom.h"
+#include "fathom/shell/options.h"
+
+struct settings {
+    fathom_config config;
+    double depth_scale;   /* 0: not given */
+    double intrinsics[4]; /* all 0: not given */
+    double voxel;         /* 0: not given */
+    double memory;        /* MB; 0: not given */
+    bool preset;          /* given */
+};
+
+void settings_start(struct settings *settings);
+
+/* Their tables, for structs settings. */
+extern const struct option_row settings_camera[], settings_alignment[], settings_surface[], settings_device[];
+
+/* The groups of them in a command whose struct has its settings at `at`. */
+#define SETTINGS_GROUPS(at)                                                                                            \
+    {"Depth camera", settings_camera, at}, {"Alignment", settings_alignment, at}, {"Surface", settings_surface, at}, { \
+        "OpenCL device", settings_device, at                                                                           \
+    }
+
+#endif

@@ -1,0 +1,128 @@
+#include "inertial/strapdown.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/covariance.h"
+
+#define BIAS_WALK 2e-4     /* rad/s/sqrt(s): how fast a known gyro bias gets old */
+#define ACCEL_WALK 2e-3            /* m/s^2/sqrt(s), the same of the accelerometer's */
+#define MAP_TURN_WALK 2e-3         /* rad/sqrt(s): how fast poses and the map drift from the truth together */
+#define MAP_WALK 1e-3              /* m/sqrt(s), the same */
+#define MISMATCH_GYRO 0.1  /* the mismatch of a gyroscope, whose noise poses hardly show, falls no further */
+#define MISMATCH_SEED 0.2  /* a seed's floor shrinks no further: clock and mounting are never quite right */
+#define COAST_SECONDS 0.5  /* a hand that isn't measured keeps its velocity and turn for about as long as this */
+#define MAX_BLIND 10.0       /* seconds without samples: trust falls no further */
+#define HAND_SECONDS 0.2   /* how long a hand's acceleration lasts */
+
+/* One stretch between neighbouring samples, or without any: i is samples_find(early). forward: from early to late. */
+static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int i, bool forward) {
+    const fathom_config *c = n->config;
+    bool imu = n->usable && n->samples.count > 1 && !n->doubted;
+    double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->samples.period_ns;
+    double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
+    navigator_noise noise = {
+        c->gyro_noise, c->motion_accel_sigma * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
+        MAP_WALK};
+    bool inside = imu && i >= 0 && i + 1 < (int)n->samples.count;
+    bool gap = inside && (double)(sample_at(&n->samples, (unsigned)(i + 1))->timestamp_ns -
+                                  sample_at(&n->samples, (unsigned)i)->timestamp_ns) > 5e9 * period;
+    bool near = false; /* just before the first sample or after the last */
+    if (imu && i < 0) near = (double)sample_at(&n->samples, 0)->timestamp_ns - (double)early < 1.5e9 * period;
+    if (imu && i + 1 == (int)n->samples.count)
+        near = (double)late - (double)sample_at(&n->samples, n->samples.count - 1)->timestamp_ns < 1.5e9 * period;
+    bool covered = (inside && !gap) || near;
+    if (!covered) dt = fmin(dt, MAX_BLIND);
+    /* the latest that is known of the rate: a sample, or the way between the last two poses */
+    int64_t sampled = imu && i >= 0 ? sample_at(&n->samples, (unsigned)i)->timestamp_ns : INT64_MIN;
+    bool by_poses = !imu || (!covered && n->corrected_ns > sampled && n->corrected_ns <= early);
+    if (!by_poses) {
+        samples_between(&n->samples, early, i, w0, a0);
+        samples_between(&n->samples, late, i, w1, a1);
+        for (int k = 0; k < 3; k++) {
+            gyro[k] = 0.5 * (w0[k] + w1[k]);
+            accel[k] = 0.5 * (a0[k] + a1[k]);
+        }
+    } else {
+        for (int k = 0; k < 3; k++) gyro[k] = n->turning[k] + s->gyro_bias[k];
+    }
+    double coast = dt;
+    if (!covered) { /* the angle grows as motion_turn_sigma T^2 with the time T since the rate was known, however it is cut */
+        int64_t known = by_poses ? n->corrected_ns : sampled == INT64_MIN ? early : sampled;
+        double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), MAX_BLIND);
+        noise.turn = c->motion_turn_sigma * sqrt(pow(age + dt, 4) - pow(age, 4));
+        if (n->running) coast = fmin(dt, fmax(COAST_SECONDS - age, 0));
+    }
+    bool force = covered && n->force_usable && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
+    if (covered) noise.gyro *= fmax(n->mismatch, MISMATCH_GYRO);
+    if (force) noise.accel = c->accel_noise * n->mismatch;
+    navigator ahead = *s;
+    if (coast < dt) navigator_step(&ahead, forward ? coast : -coast, gyro, NULL, &noise);
+    navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
+    if (coast < dt) { /* at rest from there on, but no surer of it */
+        memcpy(s->r, ahead.r, sizeof s->r);
+        memcpy(s->p, ahead.p, sizeof s->p);
+    }
+}
+
+/* Takes a state forward or back to another time, stretch by stretch. */
+void navigate(inertial *n, navigator *s, int64_t to) {
+    int64_t t = s->timestamp_ns;
+    int i = samples_find(&n->samples, t);
+    while (t < to) {
+        int64_t next = i + 1 < (int)n->samples.count ? sample_at(&n->samples, (unsigned)(i + 1))->timestamp_ns : to;
+        if (next > to) next = to;
+        if (next > t) stretch(n, s, t, next, i, true);
+        t = next;
+        i++;
+    }
+    while (t > to) {
+        int64_t next = i >= 0 ? sample_at(&n->samples, (unsigned)i)->timestamp_ns : to;
+        if (next < to) next = to;
+        if (next < t) stretch(n, s, next, t, i, false);
+        t = next;
+        i--;
+    }
+    s->timestamp_ns = to;
+}
+
+void navigator_rest(inertial *n, navigator *s, int64_t timestamp_ns) {
+    pose origin = pose_identity();
+    const double none[3] = {0, 0, 0};
+    s->timestamp_ns = timestamp_ns;
+    navigator_start(s, &origin, none, 0.5, n->samples.still.gyro_bias_sigma, n->config->accel_bias_sigma, 1);
+    memcpy(s->gyro_bias, n->samples.still.gyro_bias, sizeof s->gyro_bias);
+}
+
+int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_motion *out) {
+    const fathom_config *c = n->config;
+    if (!n->running && !(n->usable && n->samples.count > 1)) return FATHOM_ERROR_NO_DATA;
+    int64_t early = from_ns < to_ns ? from_ns : to_ns, late = from_ns < to_ns ? to_ns : from_ns;
+    navigator whole, s;
+    if (n->running)
+        whole = n->state;
+    else
+        navigator_rest(n, &whole, early);
+    navigate(n, &whole, early);
+    s = whole;
+    navigator_forget_pose_error(&s);
+    pose before = navigator_camera(&s, n->lever);
+    navigate(n, &s, late);
+    pose after = navigator_camera(&s, n->lever);
+    out->motion = pose_between(&before, &after);
+    navigator_camera_covariance(&s, n->lever, out->covariance);
+    navigate(n, &whole, late);
+    navigator_camera_covariance(&whole, n->lever, out->pose_covariance);
+    if (from_ns > to_ns) { /* the error of the inverse, in the earlier camera's axes */
+        double adjoint[36];
+        pose_adjoint(&out->motion, adjoint);
+        covariance_transport(adjoint, out->covariance, out->covariance);
+        out->motion = pose_inverse(&out->motion);
+    }
+    for (int i = 0; i < 6; i++) {
+        double floor = fmax(n->mismatch, MISMATCH_SEED) * (i < 3 ? c->seed_floor_rad : c->seed_floor_m);
+        out->covariance[7 * i] += floor * floor;
+        out->pose_covariance[7 * i] += floor * floor;
+    }
+    return FATHOM_OK;
+}
