@@ -40,7 +40,7 @@ KERNELS     = $(KERNELS_FIRST) $(filter-out $(KERNELS_FIRST),$(sort $(wildcard o
 sources_in  = $(sort $(foreach f,$(1),$(wildcard $(f)/*.c $(f)/*.cpp $(f)/*/*.c $(f)/*/*.cpp $(f)/*/*/*.c)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,lib)) $(BUILD)/kernels.o
 DRIVERS_OUT = $(if $(filter 1,$(WITH_OPENNI2)),,drivers/camera/openni2_%.c) $(if $(filter 1,$(WITH_HIDAPI)),,drivers/imu/hid_source.c) \
-              $(if $(filter 1,$(WITH_LIBUSB)),,drivers/imu/usb_source.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/imu/iio_source.c) \
+              $(if $(filter 1,$(WITH_LIBUSB)),,drivers/imu/usb_%.c) $(if $(filter 1,$(WITH_LIBIIO)),,drivers/imu/iio_source.c) \
               $(if $(filter 1,$(WITH_UDP)),,drivers/imu/udp_source.c)
 DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$(WITH_$(w)))
 DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(call sources_in,drivers)))
@@ -87,7 +87,7 @@ $(BUILD)/drivers/with: FORCE
 FORCE:
 
 $(BUILD)/drivers/imu/hid_source.c.o: CPPFLAGS += $(shell pkg-config --cflags hidapi-hidraw 2>/dev/null | sed 's/-I/-isystem /g')
-$(BUILD)/drivers/imu/usb_source.c.o: CPPFLAGS += $(shell pkg-config --cflags libusb-1.0 2>/dev/null | sed 's/-I/-isystem /g')
+$(BUILD)/drivers/imu/usb_%.c.o $(BUILD)/tests/unit/drivers/test_usb_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libusb-1.0 2>/dev/null | sed 's/-I/-isystem /g')
 $(BUILD)/drivers/camera/openni2_%.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 
 # The kernels' text, one C string a file, so that nothing has to be installed beside the library.
@@ -241,7 +241,8 @@ soak: deps
 # ---- tests ----------------------------------------------------------------------------------------------------------
 # tests/unit/*/test_*.c are cmocka programs, tests/e2e/*.sh end-to-end scripts; all print TAP, and tests/run.sh counts.
 
-TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,test_openni2%) $(if $(filter 1,$(WITH_UDP)),,test_udp_source)
+TESTS_OUT   = $(if $(filter 1,$(WITH_OPENNI2)),,test_openni2%) $(if $(filter 1,$(WITH_UDP)),,test_udp_source) \
+              $(if $(filter 1,$(WITH_LIBUSB)),,test_usb_source) $(if $(filter 1,$(WITH_LIBIIO)),,test_iio_source)
 TESTS_SRC   = $(sort $(wildcard tests/unit/*/test_*.c))
 TESTS       = $(addprefix $(BUILD)/tests/,$(filter-out $(TESTS_OUT),$(notdir $(TESTS_SRC:.c=))))
 SUPPORT_OBJ = $(patsubst %,$(BUILD)/%.o,$(wildcard tests/support/*.c))
@@ -266,8 +267,8 @@ $(BUILD)/tests/vm/vm_drivers: $(VM_OBJ) $(DRIVERS_OBJ) $(LIB_OBJ)
 VIRTUAL_DEPTH = $(BUILD)/tests/openni2/libVirtualDepth.so.0
 $(BUILD)/tests/openni2/%.cpp.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 $(BUILD)/tests/unit/drivers/test_openni2.c.o $(BUILD)/tests/unit/drivers/test_openni2_parts.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
-$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o \
-                  $(filter-out %/folder_source.c.o,$(filter $(BUILD)/drivers/recording/%,$(DRIVERS_OBJ)))
+# Only what it uses: libOpenNI2 loads it with every symbol resolved.
+$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(filter $(BUILD)/drivers/recording/recording% $(BUILD)/drivers/recording/image_file%,$(DRIVERS_OBJ))
 	$(call say,LD)
 	$(Q)$(CXX) -shared -o $@ $^ $(ALL_LDFLAGS) $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 $(BUILD)/tests/test_openni2: | $(VIRTUAL_DEPTH)

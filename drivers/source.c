@@ -197,16 +197,24 @@ int fathom_source_open(fathom_source **source, const char *uri, const fathom_sou
 
 void fathom_source_close(fathom_source *source) {
     if (!source) return;
-    source->does->stop(source);
+    fathom_source_stop(source);
     source->does->close(source);
 }
 
 int fathom_source_start(fathom_source *source) {
-    return source ? source->does->start(source) : FATHOM_ERROR_ARGUMENT;
+    if (!source) return FATHOM_ERROR_ARGUMENT;
+    if (source->started)
+        return source_fail(&source->options, FATHOM_ERROR_ARGUMENT, "fathom_source_start: it is started already");
+    const int result = source->does->start(source);
+    source->started = result == FATHOM_OK;
+    return result;
 }
 
 int fathom_source_stop(fathom_source *source) {
-    return source ? source->does->stop(source) : FATHOM_ERROR_ARGUMENT;
+    if (!source) return FATHOM_ERROR_ARGUMENT;
+    if (source->started) source->does->stop(source);
+    source->started = false;
+    return FATHOM_OK;
 }
 
 int fathom_source_wait(fathom_source *source, int timeout_ms) {

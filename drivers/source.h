@@ -13,11 +13,11 @@ typedef struct {
     int (*open)(fathom_source **source, const char *address, const fathom_source_options *options);
 } source_driver;
 
-/* What an open source does; fathom_source_* calls these after checking arguments. stop may find it stopped; it is called
- * before close. */
+/* What an open source does; fathom_source_* calls these after checking arguments and whether the source is started, so
+ * start finds it stopped, and stop and close find it as the one before left it. */
 typedef struct {
     int (*start)(fathom_source *source);
-    int (*stop)(fathom_source *source);
+    void (*stop)(fathom_source *source);
     int (*wait)(fathom_source *source, int timeout_ms);
     void (*cancel)(fathom_source *source);
     int (*read_depth)(fathom_source *source, fathom_source_frame *frame); /* NULL: gives no depth */
@@ -31,6 +31,7 @@ typedef struct {
 struct fathom_source {
     const source_operations *does;
     fathom_source_options options;
+    bool started; /* between fathom_source_start and _stop; source.c's */
 };
 
 extern const source_driver folder_driver, openni2_driver, hid_driver, usb_driver, iio_driver, udp_driver;

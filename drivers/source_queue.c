@@ -46,7 +46,7 @@ int source_queue_make(source_queue *q, int samples, int frames, int width, int h
     memset(q, 0, sizeof *q);
     atomic_init(&q->cancelled, false);
     make_locks(q);
-    q->held = -1;
+    q->held = q->filling = -1;
     q->counts_frames = frames > 0;
     q->sample_capacity = samples;
     bool made = (q->bell = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) >= 0;
@@ -82,7 +82,7 @@ static void ring(source_queue *q) {
 void source_queue_start(source_queue *q) {
     pthread_mutex_lock(&q->lock);
     q->first_sample = q->sample_count = q->first_frame = q->frame_count = 0;
-    q->held = -1;
+    q->held = q->filling = -1;
     q->running = true;
     q->ended = FATHOM_OK;
     q->unplugged = q->stalled = q->held_up = false;
@@ -159,8 +159,9 @@ static bool is_free(const source_queue *q, int slot) {
 
 source_slot *source_queue_next_frame(source_queue *q) {
     pthread_mutex_lock(&q->lock);
-    int slot = 0;
+    int slot = q->filling >= 0 ? q->filling : 0;
     while (!is_free(q, slot)) slot++; /* one is: there are two more than can wait */
+    q->filling = slot;
     pthread_mutex_unlock(&q->lock);
     return &q->slots[slot];
 }
@@ -173,6 +174,7 @@ void source_queue_push_frame(source_queue *q, source_slot *slot) {
         q->counts.frames_dropped++;
     }
     q->waiting[(q->first_frame + q->frame_count++) % q->frame_capacity] = (int)(slot - q->slots);
+    q->filling = -1;
     q->counts.frames++;
     notice_arrival(q, true);
     pthread_mutex_unlock(&q->lock);

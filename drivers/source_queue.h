@@ -42,7 +42,8 @@ typedef struct {
     int frame_capacity, slot_count;
     int *waiting; /* slot numbers, a ring */
     int first_frame, frame_count;
-    int held; /* the slot in the reader's hands; -1: none */
+    int held;    /* the slot in the reader's hands; -1: none */
+    int filling; /* the slot that source_queue_next_frame gave; -1: none */
 
     bool running;   /* between start and stop */
     int ended;      /* what wait returns once everything was read; FATHOM_OK: it goes on */
@@ -70,7 +71,7 @@ void source_queue_stop(source_queue *queue);
 /* Takes the sample; when the ring is full the oldest gives way, and is counted. */
 void source_queue_push_imu(source_queue *queue, const fathom_imu_sample *sample);
 
-/* The slot to fill next: the same until it is pushed. Never NULL, never waits. */
+/* The slot to fill next: the same until it is pushed, whatever the reader does. Never NULL, never waits. */
 source_slot *source_queue_next_frame(source_queue *queue);
 
 /* Takes the slot that source_queue_next_frame gave; when too many wait the oldest gives way, and is counted. */

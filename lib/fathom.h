@@ -65,7 +65,7 @@ typedef enum {
     FATHOM_OK = 0,
     FATHOM_ERROR_ARGUMENT = -1, /* an argument is NULL, not finite or out of range; the log names it */
     FATHOM_ERROR_CONFIG = -2,   /* a setting is out of range or two disagree; the log names it */
-    FATHOM_ERROR_MEMORY = -3,   /* the block is short or misaligned, or memory_cap_bytes can't hold the settings */
+    FATHOM_ERROR_MEMORY = -3,   /* the block is short or misaligned, or max_memory_bytes can't hold the settings */
     FATHOM_ERROR_DEVICE = -4,   /* no OpenCL platform or device, or an OpenCL call failed; the log has its code */
     FATHOM_ERROR_KERNEL = -5,   /* a kernel didn't build; the log has the compiler's words */
     FATHOM_ERROR_TIME = -6,     /* a depth frame's stamp doesn't come after the one before; the frame was ignored */
@@ -181,29 +181,29 @@ typedef struct {
     float fx, fy, cx, cy;          /* pinhole intrinsics at that size, pixels. Default 525, 525, 319.5, 239.5 */
     float distortion[5];           /* k1 k2 p1 p2 k3 (Brown-Conrady, OpenCV's order); all zero: none. Default none */
     float depth_units_per_metre;   /* e.g. 1000 for millimetres, 5000 in TUM recordings. Default 1000 */
-    float depth_min_m, depth_max_m; /* depths outside are invalid. Default 0.3 and 5. 0 and 65535 are always invalid, and depth
+    float min_depth_m, max_depth_m; /* depths outside are invalid. Default 0.3 and 5. 0 and 65535 are always invalid, and depth
                                       whose sigma is more than two truncations */
     float depth_noise_base_m;      /* depth error: sigma(z) = base + growth * z^2. Pairs and fusion are weighted by */
-    float depth_noise_growth;      /* 1/sigma^2 relative to that at 1 m. Defaults 0.0001 m and 0.003 1/m: a step of a
+    float depth_noise_growth_per_m;      /* 1/sigma^2 relative to that at 1 m. Defaults 0.0001 m and 0.003 1/m: a step of a
                                       Kinect 360's disparity (Khoshelham and Elberink 2012, Section 3.2: 2.85 mm at 1 m) */
 
     /* alignment (Section 2) */
-    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to align_most wide */
-    int align_most;                /* default 320; 16..4096 */
+    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to max_align_width wide */
+    int max_align_width;                /* default 320; 16..4096 */
     fathom_against against;        /* default FATHOM_AGAINST_MODEL */
     fathom_prior prior;            /* default FATHOM_PRIOR_INFORMATION */
-    int iterations[FATHOM_LEVELS]; /* most iterations, coarsest to finest, without a usable seed. Default 10, 5, 4 */
-    int seeded_iterations[FATHOM_LEVELS]; /* the same with one. Default 0, 0, 4. 0..100 each; the last may be 0 only when
+    int max_iterations[FATHOM_LEVELS]; /* most iterations, coarsest to finest, without a usable seed. Default 10, 5, 4 */
+    int max_seeded_iterations[FATHOM_LEVELS]; /* the same with one. Default 0, 0, 4. 0..100 each; the last may be 0 only when
                                              another level has some */
-    float seeded_sigma_m;          /* a seed is usable when its translation's sigma is below this. Default 0.02 */
-    float keep_model_m, keep_model_rad; /* maps ray-cast from the surface serve the next frames too, until the camera has moved
+    float max_seed_sigma_m;          /* a seed is usable when its translation's sigma is below this. Default 0.02 */
+    float max_model_reuse_m, max_model_reuse_rad; /* maps ray-cast from the surface serve the next frames too, until the camera has moved
                                       so far, or a tenth of the pairs is gone. Defaults 0.04 and 0.06; 0: a ray-cast each frame */
-    float pair_distance_m;         /* a pair further apart is rejected, at the finest level (doubled at each coarser one).
+    float max_pair_distance_m;         /* a pair further apart is rejected, at the finest level (doubled at each coarser one).
                                       Default 0.10; widened to three sigma of the seed */
-    float pair_angle_rad;          /* a pair whose normals differ by more is rejected. Default 0.7 (40 degrees) */
+    float max_pair_angle_rad;          /* a pair whose normals differ by more is rejected. Default 0.7 (40 degrees) */
     float huber_m;                 /* residual beyond which a pair's weight falls off as 1/|r|. Default 0.003 */
-    float stop_rotation_rad, stop_translation_m; /* an update smaller than both ends a level. Default 1e-4 and 1e-4 */
-    float stop_error_fall;         /* a relative fall of the error below this ends a level. Default 1e-4 */
+    float min_update_rad, min_update_m; /* an update smaller than both ends a level. Default 1e-4 and 1e-4 */
+    float min_error_decrease;         /* a relative fall of the error below this ends a level. Default 1e-4 */
 
     /* verdict "tracking" (Section 2, last paragraph; docs/DESIGN.md gives the reasons for the defaults) */
     float min_overlap;             /* kept pairs / pixels where both scan and model have a surface. Default 0.35 */
@@ -213,21 +213,21 @@ typedef struct {
                                       wall reads 30 by its noise, rooms 2 to 8, a corridor up to 20). Default 22 */
     float max_innovation_sigmas;   /* distance from seed to result in units of the seed's sigma. Default 6 */
     float min_agreement;           /* of the pixels where the surface should be seen from the found pose and the frame sees
-                                      something: the part that agrees within agreement_m. Default 0.75 */
+                                      something: the part that agrees within agreement_tolerance_m. Default 0.75 */
     float max_see_through;         /* the part of them that sees further, through the surface. Default 0.015 */
-    float evident_pairs;           /* an alignment from a usable seed is evident, and what the surface should look like isn't
+    float min_evident_fraction;           /* an alignment from a usable seed is evident, and what the surface should look like isn't
                                       ray-cast to be compared, when this part of the frame's valid pixels found pairs, and
-                                      result and seed agree within evident_sigmas. Default 0.6; above 1: never */
-    float evident_sigmas;          /* Default 1.5 */
-    float agreement_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
+                                      result and seed agree within max_evident_sigmas. Default 0.6; above 1: never */
+    float max_evident_sigmas;          /* Default 1.5 */
+    float agreement_tolerance_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
     float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says
                                       nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.02, 0.02 */
 
     /* surface */
     float voxel_m;                 /* edge of a voxel. Default 0.01; 0.001..1 */
     float truncation_m;            /* the signed distance is kept within this. 0: four voxels */
-    int blocks;                    /* blocks of 8x8x8 voxels in the pool, 2 KB each; 64 at least. 0: what
-                                      memory_cap_bytes leaves */
+    int max_blocks;                    /* blocks of 8x8x8 voxels in the pool, 2 KB each; 64 at least. 0: what
+                                      max_memory_bytes leaves */
     fathom_full when_full;         /* what happens when the pool has no block left. Default FATHOM_FULL_STOP */
     fathom_block_hook block_out, block_in; /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
     void *block_user;
@@ -237,7 +237,7 @@ typedef struct {
                                       A device that fails meanwhile is told of by the next call. Default false */
 
     /* memory */
-    int64_t memory_cap_bytes;      /* most bytes, host and device together. Default 128 MB (128 << 20) */
+    int64_t max_memory_bytes;      /* most bytes, host and device together. Default 128 MB (128 << 20) */
 
     /* inertial sensor (Section 3) */
     bool imu;                      /* use inertial samples. Default true; without samples it does no harm */
@@ -251,23 +251,23 @@ typedef struct {
     bool refine_rig;               /* refine that rotation and that offset while scanning, by comparing the gyroscope with the
                                       turning of well-aligned frames (fathom_get_rig): for a rig whose values are a little
                                       wrong, or drift. Default false: they are exact */
-    float rig_rotation_sigma;      /* how wrong they may be then: about each axis, radians; 1e-6..1. Default 0.05 */
+    float rig_rotation_sigma_rad;      /* how wrong they may be then: about each axis, radians; 1e-6..1. Default 0.05 */
     int64_t rig_clock_sigma_ns;    /* and the offset; 1000..1e9. Default 20 ms */
-    float gravity;                 /* m/s^2. Default 9.80665 */
-    float gyro_noise;              /* noise density, rad/s/sqrt(Hz), with what scale errors add (a phone's alone: 1e-4).
+    float gravity_m_s2;                 /* m/s^2. Default 9.80665 */
+    float gyro_noise_rad_s_sqrthz;              /* noise density, rad/s/sqrt(Hz), with what scale errors add (a phone's alone: 1e-4).
                                       Default 5e-3 */
-    float gyro_bias_sigma;         /* sigma of the bias before it is known, rad/s. Default 0.02 */
-    float accel_noise;             /* noise density, m/s^2/sqrt(Hz), with what scale errors and vibration add. Default 0.05 */
-    float accel_bias_sigma;        /* sigma of the bias before it is known, m/s^2. Default 0.1 */
-    float seed_floor_rad, seed_floor_m; /* error of a seed that no noise figure explains (clock jitter, mounting, rolling
+    float gyro_bias_sigma_rad_s;         /* sigma of the bias before it is known, rad/s. Default 0.02 */
+    float accel_noise_m_s2_sqrthz;             /* noise density, m/s^2/sqrt(Hz), with what scale errors and vibration add. Default 0.05 */
+    float accel_bias_sigma_m_s2;        /* sigma of the bias before it is known, m/s^2. Default 0.1 */
+    float seed_noise_rad, seed_noise_m; /* error of a seed that no noise figure explains (clock jitter, mounting, rolling
                                       shutter), a step. Default 0.012 and 0.008 */
     float pose_noise_rad, pose_noise_m; /* error of an accepted pose, beside what alignment says, and of the navigator's way
                                       from one to the next. Default 0.006 and 0.004 */
-    float motion_accel_sigma;      /* how much a hand-held camera's velocity wanders, m/s^2, without an accelerometer.
+    float motion_sigma_m_s2;      /* how much a hand-held camera's velocity wanders, m/s^2, without an accelerometer.
                                       Default 1.5 */
-    float motion_turn_sigma;       /* the same for its turning rate without a gyroscope, rad/s^2. Default 3 */
-    float lost_sigma_m;            /* dead reckoning whose position sigma passes this is called lost. Default 0.5 */
-    int imu_capacity;              /* samples kept; 0: 4096 */
+    float motion_sigma_rad_s2;       /* the same for its turning rate without a gyroscope, rad/s^2. Default 3 */
+    float max_reckoned_sigma_m;            /* dead reckoning whose position sigma passes this is called lost. Default 0.5 */
+    int max_imu_samples;              /* samples kept; 0: 4096 */
     fathom_inertial_hook inertial_hook; /* replaces the library's InertialEstimate. Default NULL. Must outlive the context */
     void *inertial_user;
 
@@ -346,7 +346,7 @@ FATHOM_API int fathom_pause(fathom *context, bool pause);
 
 /* Hands over samples as they arrive; may be called from one other thread at any time, never waits. Late, repeated,
  * out-of-order, non-finite and implausible samples are counted (fathom_counters) and dropped. When the ring is full the
- * new sample is dropped and counted: step often, or give a larger imu_capacity. When either clock leaps by more than 0.1 s
+ * new sample is dropped and counted: step often, or give a larger max_imu_samples. When either clock leaps by more than 0.1 s
  * the order of arrival shows it: after 0.2 s stamps are moved to go on from where they were, and the log is told. Returns
  * FATHOM_OK, or FATHOM_ERROR_ARGUMENT for NULL, a sample that isn't finite or stamped more than 126 years from zero
  * (counted as not finite), or one beyond 100 rad/s or 2000 m/s^2 (implausible). */
@@ -365,7 +365,7 @@ typedef enum {
     FATHOM_FIRST = 0,    /* the first frame with a surface: fused at the first pose */
     FATHOM_TRACKED = 1,  /* aligned and trusted: fused, unless paused */
     FATHOM_RECKONED = 2, /* alignment not trusted: the pose is the inertial estimate's; nothing fused */
-    FATHOM_LOST = 3      /* the same, and the pose's sigma has passed lost_sigma_m */
+    FATHOM_LOST = 3      /* the same, and the pose's sigma has passed max_reckoned_sigma_m */
 } fathom_state;
 
 /* "first", "tracked", "reckoned", "lost". Never NULL. */
@@ -408,7 +408,7 @@ typedef struct {
     float agreement;           /* part of the pixels where the surface should be seen that agree; NAN: not looked at */
     float see_through;         /* part of them that sees through it */
     bool searched;             /* the frame was looked for about the seed, for alignment from the seed alone had failed */
-    bool seeded;               /* the seed was good enough for seeded_iterations */
+    bool seeded;               /* the seed was good enough for max_seeded_iterations */
     bool fused;                /* the frame went into the surface */
     int blocks_dropped, blocks_restored; /* by when_full, in this step */
     bool pool_full;            /* some of the surface had no room left in the pool (tracking goes on) */
@@ -506,7 +506,7 @@ FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom
  * Listed blocks come first, in that order, then the pool's. A listed block that is in the pool again is taken from there;
  * any other is asked for by block_in, as are neighbours, up to 20 times in all (least when the list goes along the
  * surface), and left out where that returns 0. The pool and what the caller keeps stay as they are, so the scan may go on.
- * Works in a pool of 512 blocks of its own, in bounded memory (with FATHOM_FULL_DROP it takes 1 MB of memory_cap_bytes).
+ * Works in a pool of 512 blocks of its own, in bounded memory (with FATHOM_FULL_DROP it takes 1 MB of max_memory_bytes).
  * FATHOM_ERROR_ARGUMENT for an index beyond +-2^27, or for count > 0 without FATHOM_FULL_DROP and block_in. Stepping
  * thread. Returns the number of triangles, or an error. */
 FATHOM_API int64_t fathom_extract_whole_mesh(fathom *context, float min_weight, const int32_t *dropped, size_t count,

@@ -19,7 +19,6 @@ typedef struct {
     char path[256];
     source_queue queue;
     pthread_t thread;
-    bool threaded; /* there is a thread to join */
 } oni_source;
 
 /* ---- the feeding thread ---- */
@@ -74,24 +73,19 @@ static void *feed(void *user) {
 
 static int oni_source_start(fathom_source *source) {
     oni_source *s = (oni_source *)source;
-    if (s->threaded)
-        return source_fail(&source->options, FATHOM_ERROR_ARGUMENT, "%s: started already", s->path);
     oni_rewind(s->file);
     source_queue_start(&s->queue);
     if (pthread_create(&s->thread, NULL, feed, s)) {
         source_queue_stop(&s->queue);
         return source_fail(&source->options, FATHOM_ERROR_MEMORY, "%s: no thread could be made", s->path);
     }
-    s->threaded = true;
     return FATHOM_OK;
 }
 
-static int oni_source_stop(fathom_source *source) {
+static void oni_source_stop(fathom_source *source) {
     oni_source *s = (oni_source *)source;
     source_queue_stop(&s->queue);
-    if (s->threaded) pthread_join(s->thread, NULL);
-    s->threaded = false;
-    return FATHOM_OK;
+    pthread_join(s->thread, NULL);
 }
 
 static int oni_source_wait(fathom_source *source, int timeout_ms) {

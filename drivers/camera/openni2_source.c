@@ -125,12 +125,17 @@ static int openni2_enumerate(fathom_source_found found, void *user, fathom_log l
 
 /* ---- operations ---- */
 
+static void stop_streams(openni2_source *s) {
+    openni2_watch(s, NULL);
+    if (s->device.depth) oniStreamStop(s->device.depth);
+    if (s->device.color) oniStreamStop(s->device.color);
+}
+
 static int openni2_start(fathom_source *source) {
     openni2_source *s = (openni2_source *)source;
     openni2_device *d = &s->device;
     char why[320];
     int result = FATHOM_OK;
-    if (s->worker) return source_fail(&source->options, FATHOM_ERROR_ARGUMENT, "openni2: started already");
     if (!d->device) result = openni2_device_open(d, &s->wish, why, sizeof why);
     if (!result && (d->mode.resolutionX != s->queue.slots[0].frame.depth.width ||
                     d->mode.resolutionY != s->queue.slots[0].frame.depth.height)) {
@@ -149,22 +154,17 @@ static int openni2_start(fathom_source *source) {
     s->worker = openni2_hire(openni2_gather, s);
     if (!s->worker) {
         source_queue_stop(&s->queue);
+        stop_streams(s);
         return source_fail(&source->options, FATHOM_ERROR_MEMORY, "openni2: no thread could be made");
     }
     return FATHOM_OK;
 }
 
-static int openni2_stop(fathom_source *source) {
+static void openni2_stop(fathom_source *source) {
     openni2_source *s = (openni2_source *)source;
-    openni2_device *d = &s->device;
     source_queue_stop(&s->queue);
-    if (!s->worker) return FATHOM_OK;
     openni2_dismiss(s->worker);
-    s->worker = NULL;
-    openni2_watch(s, NULL);
-    if (d->depth) oniStreamStop(d->depth);
-    if (d->color) oniStreamStop(d->color);
-    return FATHOM_OK;
+    stop_streams(s);
 }
 
 static int openni2_wait(fathom_source *source, int timeout_ms) {

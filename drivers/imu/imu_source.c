@@ -59,7 +59,6 @@ static void *run(void *user) {
 
 static int start(fathom_source *source) {
     imu_source *s = of(source);
-    if (s->started) return FATHOM_OK;
     int result = s->is_open ? FATHOM_OK : open_device(s, false);
     if (result) return result;
     if ((result = begin(s)) != FATHOM_OK) return result;
@@ -69,18 +68,14 @@ static int start(fathom_source *source) {
         if (s->device->end) s->device->end(s);
         return source_fail(&s->base.options, FATHOM_ERROR_MEMORY, "%s: no thread to be had", s->name);
     }
-    s->started = true;
     return FATHOM_OK;
 }
 
-static int stop(fathom_source *source) {
+static void stop(fathom_source *source) {
     imu_source *s = of(source);
-    if (!s->started) return FATHOM_OK;
     source_queue_stop(&s->queue);
     pthread_join(s->thread, NULL);
-    s->started = false;
     if (s->is_open && s->device->end) s->device->end(s);
-    return FATHOM_OK;
 }
 
 static int wait_for_samples(fathom_source *source, int timeout_ms) {

@@ -36,7 +36,7 @@ struct imu_source {
     source_queue queue;
     imu_stream stream;
     pthread_t thread;
-    bool started, is_open, accel_only;
+    bool is_open, accel_only;
     pthread_mutex_t lock; /* of the names, which a reconnect may change */
     char name[96], serial[64];
 };

@@ -233,14 +233,17 @@ static void take_datagram(udp_source *s, const char *text, size_t length, int64_
 /* False: there is none. */
 static bool receive(udp_source *s) {
     char bytes[MOST_BYTES];
-    char control[CMSG_SPACE(sizeof(uint32_t))];
+    union { /* aligned as the messages in it must be */
+        struct cmsghdr header;
+        char bytes[CMSG_SPACE(sizeof(uint32_t))];
+    } control;
     struct sockaddr_storage from = {0};
     struct iovec into = {bytes, sizeof bytes};
     struct msghdr message = {.msg_name = &from,
                              .msg_namelen = sizeof from,
                              .msg_iov = &into,
                              .msg_iovlen = 1,
-                             .msg_control = control,
+                             .msg_control = &control,
                              .msg_controllen = sizeof control};
     const ssize_t length = recvmsg(s->socket, &message, MSG_DONTWAIT);
     const int64_t now_ns = monotonic_now_ns();

@@ -16,7 +16,6 @@ typedef struct {
     fathom_recording *recording;
     source_queue queue;
     pthread_t thread;
-    bool threaded; /* there is a thread to join */
     bool opened;   /* what goes wrong from now on concerns a frame, not the source */
     unsigned kinds;
     int64_t zero_ns, start_ns; /* the recording's first event, of either kind, and when it was played */
@@ -85,7 +84,6 @@ static void *feed(void *user) {
 
 static int folder_start(fathom_source *source) {
     folder_source *s = (folder_source *)source;
-    if (s->threaded) return source_fail(&s->base.options, FATHOM_ERROR_ARGUMENT, "folder: started already");
     const int first = first_sample(s);
     s->zero_ns = s->recording->frames[0].timestamp_ns;
     if (first < s->recording->imu_count && imu_ns(s, first) < s->zero_ns)
@@ -96,16 +94,13 @@ static int folder_start(fathom_source *source) {
         source_queue_stop(&s->queue);
         return source_fail(&s->base.options, FATHOM_ERROR_MEMORY, "folder: no thread could be made");
     }
-    s->threaded = true;
     return FATHOM_OK;
 }
 
-static int folder_stop(fathom_source *source) {
+static void folder_stop(fathom_source *source) {
     folder_source *s = (folder_source *)source;
     source_queue_stop(&s->queue);
-    if (s->threaded) pthread_join(s->thread, NULL);
-    s->threaded = false;
-    return FATHOM_OK;
+    pthread_join(s->thread, NULL);
 }
 
 static int folder_wait(fathom_source *source, int timeout_ms) {

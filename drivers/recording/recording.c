@@ -180,7 +180,7 @@ void fathom_recording_configure(const fathom_recording *recording, fathom_config
     for (int i = 0; i < 3; i++)
         config->imu_to_camera_translation[i] = (float)recording->imu_to_camera_translation[i];
     config->imu_clock_offset_ns = recording->imu_clock_offset_ns;
-    if (recording->gravity > 0) config->gravity = (float)recording->gravity;
+    if (recording->gravity > 0) config->gravity_m_s2 = (float)recording->gravity;
 }
 
 int fathom_recording_read_depth(const fathom_recording *shown, int index, uint16_t *pixels) {

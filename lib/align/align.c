@@ -12,32 +12,27 @@
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps) {
     memset(a, 0, sizeof *a);
     a->config = config;
-    for (int i = 0; i < FATHOM_LEVELS; i++)
-        device_buffer_make(d, block,
-                           (size_t)maps->camera[i].width * (size_t)maps->camera[i].height * sizeof(cl_uint2),
-                           &a->model[i]);
     device_buffer_make(d, block, (size_t)maps->camera[FINEST].height * SUMS * 4, &a->sums);
     if (d->context) a->reduce = device_kernel(d, "align_reduce");
 }
 
 void aligner_close(aligner *a) {
     if (a->reduce) clReleaseKernel(a->reduce);
-    for (int i = 0; i < FATHOM_LEVELS; i++) device_buffer_free(&a->model[i]);
     device_buffer_free(&a->sums);
 }
 
-/* Of a seed: no pairs are looked for beyond three of it, for rays cost by their length. With 0.05 a wrong pose passed
+/* Of a start's position: no pairs are looked for beyond three of it, for rays cost by their length. With 0.05 a wrong pose passed
  * (tests/unit/tracking/test_faults.c): what doesn't fit has to show. */
 #define MOST_SIGMA_M 0.2
 
 /* Pairs further apart than this are rejected; twice as far at each coarser level. */
-static double pair_distance(const aligner *a, int level, double seed_sigma_m) {
-    double sigma = fmin(seed_sigma_m, MOST_SIGMA_M);
-    return fmax(a->config->pair_distance_m, 3 * sigma) * (1 << (FINEST - level));
+static double pair_distance(const aligner *a, int level, double position_sigma_m) {
+    double sigma = fmin(position_sigma_m, MOST_SIGMA_M);
+    return fmax(a->config->max_pair_distance_m, 3 * sigma) * (1 << (FINEST - level));
 }
 
-float align_reach(const aligner *a, int coarsest, double seed_sigma_m) {
-    return (float)pair_distance(a, coarsest, seed_sigma_m);
+float align_reach(const aligner *a, int coarsest, double position_sigma_m) {
+    return (float)pair_distance(a, coarsest, position_sigma_m);
 }
 
 void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose *motion,
@@ -46,7 +41,7 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
     const fathom_config *c = a->config;
     const kernel_camera *camera = &maps->camera[level];
     kernel_pair_limits limits = {
-        (cl_float)(distance * distance), cosf(c->pair_angle_rad), (cl_float)huber_m, {{0}}};
+        (cl_float)(distance * distance), cosf(c->max_pair_angle_rad), (cl_float)huber_m, {{0}}};
     for (int i = 0; i < 3; i++) limits.centre.s[i] = (cl_float)centre[i];
     kernel_rigid rigid = kernel_rigid_of(motion);
     RUN(d, a->reduce, (size_t)d->group, (size_t)camera->height, (size_t)d->group,
@@ -82,29 +77,30 @@ static void pull_to_scan(const pose *motion, const double left[6], double out[6]
     for (int i = 0; i < 36; i++) out[i % 6] += adjoint[i] * left[i / 6];
 }
 
-/* The seed's word on the next left twist x of the motion: it is off from the seed by log(inv(seed) motion), in the scan's
- * axes, which x changes by Ad(inv(motion)) x; that sum has the seed's covariance. */
-static bool prior_at(const align_seed *seed, const pose *motion, const fathom_config *c, solve_prior *prior) {
+/* The prior's word on the next left twist x of the motion: that is off from the mean by log(inv(mean) motion), in the scan's
+ * axes, which x changes by Ad(inv(motion)) x; that sum has the prior's covariance. */
+static bool prior_at(const align_prior *known, const pose *motion, const fathom_config *c, solve_prior *prior) {
     double off[6], adjoint[36], covariance[36];
-    pose way = pose_between(&seed->motion, motion);
+    pose way = pose_between(&known->mean, motion);
     pose_log(&way, off);
     pose_adjoint(motion, adjoint);
     for (int i = 0; i < 6; i++) {
         prior->mean[i] = 0;
         for (int j = 0; j < 6; j++) prior->mean[i] -= adjoint[6 * i + j] * off[j];
     }
-    covariance_transport(adjoint, seed->covariance, covariance);
+    covariance_transport(adjoint, known->covariance, covariance);
     prior->max_condition = c->max_condition;
     prior->correlated = CORRELATED_PAIRS;
     return covariance_invert(covariance, prior->information);
 }
 
-void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, const int budget[FATHOM_LEVELS],
-           alignment *result) {
+void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS], const pose *start,
+           const align_prior *known, const int budget[FATHOM_LEVELS], alignment *result) {
     const fathom_config *c = a->config;
+    const double sigma = covariance_position_sigma(known->covariance);
     double centre[3] = {0, 0, 1.5}; /* about where the pairs are; then their centroid */
     memset(result, 0, sizeof *result);
-    result->motion = seed->motion;
+    result->motion = *start;
     result->condition = INFINITY;
     for (int level = 0; level < FATHOM_LEVELS; level++) {
         double last_error = INFINITY;
@@ -112,15 +108,14 @@ void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, cons
             normal_equations e;
             solution s;
             solve_prior prior;
-            align_reduce(a, d, maps, level, &result->motion, &a->model[level], &maps->camera[level],
-                         pair_distance(a, level, seed->sigma_m), c->huber_m, centre, &e);
+            align_reduce(a, d, maps, level, &result->motion, &model[level], &maps->camera[level],
+                         pair_distance(a, level, sigma), c->huber_m, centre, &e);
             result->iterations++;
-            result->level = level;
             result->pairs = (int)e.pairs;
             result->overlap = (int)e.overlap;
             result->pixels = maps->camera[level].width * maps->camera[level].height;
             result->weight = e.weight;
-            bool held = seed->prior && prior_at(seed, &result->motion, c, &prior);
+            bool held = c->prior == FATHOM_PRIOR_INFORMATION && prior_at(known, &result->motion, c, &prior);
             bool solved = solve_alignment(&e, held ? &prior : NULL, &s);
             memcpy(result->singular, s.singular, sizeof s.singular);
             result->condition = s.condition;
@@ -145,8 +140,8 @@ void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, cons
             }
 
             bool small =
-                pose_angle(&update) < c->stop_rotation_rad && pose_distance(&update) < c->stop_translation_m;
-            bool level_error = last_error - error < c->stop_error_fall * last_error;
+                pose_angle(&update) < c->min_update_rad && pose_distance(&update) < c->min_update_m;
+            bool level_error = last_error - error < c->min_error_decrease * last_error;
             last_error = error;
             if (small || level_error) break;
         }

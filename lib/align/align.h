@@ -6,8 +6,7 @@
 #include "align/solve.h"
 
 typedef struct {
-    device_buffer model[FATHOM_LEVELS]; /* normal and depth, in the model camera's axes */
-    device_buffer sums;                 /* SUMS floats a row of the finest level */
+    device_buffer sums; /* SUMS floats a row of the finest level */
     cl_kernel reduce;
     const fathom_config *config;
 } aligner;
@@ -16,9 +15,8 @@ typedef struct {
 typedef struct {
     pose motion;
     int iterations;
-    int level;          /* finest level that had pairs */
     int pairs, overlap; /* at the last iteration */
-    int pixels;         /* of the map of that level */
+    int pixels;         /* of the map of the last level */
     double weight, rms;
     double singular[6], condition;
     double covariance[36]; /* of motion, in the scan camera's axes: motion * exp(error) */
@@ -37,18 +35,18 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
                   double huber_m, const double centre[3], normal_equations *e);
 
 /* How far from the scan a model point may lie and still pair with it, from the coarsest level on. */
-float align_reach(const aligner *a, int coarsest, double seed_sigma_m);
+float align_reach(const aligner *a, int coarsest, double position_sigma_m);
 
-/* Where to start from, and how sure that is. */
+/* What is known of the motion before the scan is looked at, wherever alignment starts: a mean, and mean * exp(error). */
 typedef struct {
-    pose motion;           /* scan's camera to model's camera */
-    double covariance[36]; /* motion * exp(error) */
-    double sigma_m;        /* of the position: widens the pair distance to three of it, 60 cm at most */
-    bool prior; /* the covariance enters the solve (else the seed is only where the search starts) */
-} align_seed;
+    pose mean;
+    double covariance[36];
+} align_prior;
 
-/* Aligns from the seed on, with at most budget[level] iterations at each level. Waits for the device at each iteration. */
-void align(aligner *a, device *d, depth_maps *maps, const align_seed *seed, const int budget[FATHOM_LEVELS],
-           alignment *result);
+/* Aligns from `start` on, with at most budget[level] iterations at each level, with the model maps of each level. The prior's
+ * position sigma widens the pair distance; its information enters the solve with FATHOM_PRIOR_INFORMATION. Waits for the
+ * device at each iteration. */
+void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS], const pose *start,
+           const align_prior *prior, const int budget[FATHOM_LEVELS], alignment *result);
 
 #endif

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "api/settings.h"
-#include "api/context.h"
+#include "context.h"
 #include "api/warm_up.h"
 #include "base/log.h"
 #include "base/stamps.h"
@@ -54,24 +54,24 @@ const char *fathom_imu_health_name(fathom_imu_health health) {
 
 /* ---- layout ------------------------------------------------------------------------------------------------------------- */
 
-/* Tiles of the largest view that is ray-cast: the finest maps, and the wide view, which may be larger. */
+/* Tiles of the largest view that is ray-cast: the finest maps, or the wide view where maps are small. */
 static int most_tiles(const fathom *f) {
-    int finest = kernel_tiles(&f->maps.camera[FINEST]), wide = kernel_tiles(&f->view.wide);
+    int finest = kernel_tiles(&f->maps.camera[FINEST]), wide = kernel_tiles(&f->tracker.view.wide);
     return finest > wide ? finest : wide;
 }
 
 /* Lays all parts out: only counts while the device isn't open and the arena has no base. */
 static void layout(fathom *f, arena *a, int blocks) {
     depth_maps_init(&f->maps, &f->device, a, &f->config);
-    aligner_init(&f->aligner, &f->device, a, &f->config, &f->maps);
     mesher_init(&f->mesher, &f->device, a);
     viewer_init(&f->viewer, &f->device, a, &f->maps);
-    model_view_init(&f->view, &f->device, a, &f->config, &f->maps);
-    raycaster_init(&f->raycaster, &f->device, a, &f->volume, most_tiles(f));
     integrator_init(&f->integrator, &f->device, a, &f->config, &f->maps);
     store_init(&f->store, &f->config);
     inertial_init(&f->inertial, a, &f->config);
     whole_mesh_init(&f->patch, &f->device, a, &f->config);
+    tracker_init(&f->tracker, &f->device, a, &f->config, &f->maps, &f->raycaster, &f->inertial);
+    fusing_init(&f->fusing, &f->device, &f->config, &f->maps, &f->volume, &f->integrator, &f->store);
+    raycaster_init(&f->raycaster, &f->device, a, &f->volume, most_tiles(f));
     volume_init(&f->volume, &f->device, a, &f->config, blocks);
 }
 
@@ -94,17 +94,17 @@ static int make_plan(fathom *f, const fathom_config *config, fathom_memory_plan 
     f->config = *config;
     if (e == FATHOM_OK) e = device_choose(&f->device, &f->config);
     if (e != FATHOM_OK) return e;
-    int blocks = config->blocks;
+    int blocks = config->max_blocks;
     int64_t device_bytes, fixed = bytes_with(f, 1, &device_bytes) + device_bytes;
     if (blocks == 0) {
-        int64_t room = (config->memory_cap_bytes - fixed) / (int64_t)volume_block_cost();
+        int64_t room = (config->max_memory_bytes - fixed) / (int64_t)volume_block_cost();
         blocks = (int)(room < CONFIG_BLOCKS_MOST ? room : CONFIG_BLOCKS_MOST);
     }
     int64_t host_bytes = bytes_with(f, blocks > 0 ? blocks : 1, &device_bytes);
-    if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->memory_cap_bytes) {
+    if (blocks < CONFIG_BLOCKS_LEAST || host_bytes + device_bytes > config->max_memory_bytes) {
         log_write(config, FATHOM_LOG_ERROR,
-                  "memory_cap_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
-                  (double)config->memory_cap_bytes / 1048576, (double)fixed / 1048576,
+                  "max_memory_bytes %.1f MB can't hold the settings: %.1f MB and 2 KB for each of %d blocks",
+                  (double)config->max_memory_bytes / 1048576, (double)fixed / 1048576,
                   blocks > CONFIG_BLOCKS_LEAST ? blocks : CONFIG_BLOCKS_LEAST);
         return FATHOM_ERROR_MEMORY;
     }
@@ -138,8 +138,7 @@ static void close_parts(fathom *f) {
     whole_mesh_close(&f->patch);
     mesher_close(&f->mesher);
     viewer_close(&f->viewer);
-    model_view_close(&f->view);
-    aligner_close(&f->aligner);
+    tracker_close(&f->tracker);
     depth_maps_close(&f->maps);
     device_close(&f->device);
 }
@@ -153,9 +152,7 @@ static void start_over(fathom *f) {
     memset(f->covariance, 0, sizeof f->covariance);
     f->timestamp_ns = INT64_MIN;
     f->started = f->said_full = false;
-    f->cast_coarsest = FATHOM_LEVELS;
-    f->drawn = 0;
-    f->missed = 0;
+    tracker_reset(&f->tracker);
     memset(&f->result, 0, sizeof f->result);
     f->result.state = FATHOM_RECKONED;
     f->result.verdict = FATHOM_VERDICT_NO_DEPTH;

@@ -17,53 +17,53 @@ fathom_config fathom_config_default(void) {
     c.cx = 319.5f;
     c.cy = 239.5f;
     c.depth_units_per_metre = 1000;
-    c.depth_min_m = 0.3f;
-    c.depth_max_m = 5;
+    c.min_depth_m = 0.3f;
+    c.max_depth_m = 5;
     c.depth_noise_base_m = 0.0001f;
-    c.depth_noise_growth = 0.003f;
-    c.align_most = 320;
+    c.depth_noise_growth_per_m = 0.003f;
+    c.max_align_width = 320;
     c.against = FATHOM_AGAINST_MODEL;
     c.prior = FATHOM_PRIOR_INFORMATION;
     const int iterations[FATHOM_LEVELS] = {10, 5, 4}, seeded[FATHOM_LEVELS] = {0, 0, 4};
-    memcpy(c.iterations, iterations, sizeof iterations);
-    memcpy(c.seeded_iterations, seeded, sizeof seeded);
-    c.seeded_sigma_m = 0.02f;
-    c.keep_model_m = 0.04f;
-    c.keep_model_rad = 0.06f;
-    c.pair_distance_m = 0.10f;
-    c.pair_angle_rad = 0.7f;
+    memcpy(c.max_iterations, iterations, sizeof iterations);
+    memcpy(c.max_seeded_iterations, seeded, sizeof seeded);
+    c.max_seed_sigma_m = 0.02f;
+    c.max_model_reuse_m = 0.04f;
+    c.max_model_reuse_rad = 0.06f;
+    c.max_pair_distance_m = 0.10f;
+    c.max_pair_angle_rad = 0.7f;
     c.huber_m = 0.003f;
-    c.stop_rotation_rad = c.stop_translation_m = c.stop_error_fall = 1e-4f;
+    c.min_update_rad = c.min_update_m = c.min_error_decrease = 1e-4f;
     c.min_overlap = 0.35f;
     c.max_rms_m = 0.01f;
     c.max_condition = 22;
     c.max_innovation_sigmas = 6;
     c.min_agreement = 0.75f;
     c.max_see_through = 0.015f;
-    c.evident_pairs = 0.6f;
-    c.evident_sigmas = 1.5f;
-    c.agreement_m = 0.02f;
+    c.min_evident_fraction = 0.6f;
+    c.max_evident_sigmas = 1.5f;
+    c.agreement_tolerance_m = 0.02f;
     c.max_sigma_m = 0.02f;
     c.max_sigma_rad = 0.02f;
     c.voxel_m = 0.01f;
     c.max_weight = 100;
-    c.memory_cap_bytes = (int64_t)128 << 20;
+    c.max_memory_bytes = (int64_t)128 << 20;
     c.imu = c.imu_translation = c.imu_check = true;
     c.imu_to_camera_rotation[0] = c.imu_to_camera_rotation[4] = c.imu_to_camera_rotation[8] = 1;
-    c.rig_rotation_sigma = 0.05f;
+    c.rig_rotation_sigma_rad = 0.05f;
     c.rig_clock_sigma_ns = 20000000;
-    c.gravity = 9.80665f;
-    c.gyro_noise = 5e-3f;
-    c.gyro_bias_sigma = 0.02f;
-    c.accel_noise = 0.05f;
-    c.accel_bias_sigma = 0.1f;
-    c.seed_floor_rad = 0.012f;
-    c.seed_floor_m = 0.008f;
+    c.gravity_m_s2 = 9.80665f;
+    c.gyro_noise_rad_s_sqrthz = 5e-3f;
+    c.gyro_bias_sigma_rad_s = 0.02f;
+    c.accel_noise_m_s2_sqrthz = 0.05f;
+    c.accel_bias_sigma_m_s2 = 0.1f;
+    c.seed_noise_rad = 0.012f;
+    c.seed_noise_m = 0.008f;
     c.pose_noise_rad = 0.006f;
     c.pose_noise_m = 0.004f;
-    c.motion_accel_sigma = 1.5f;
-    c.motion_turn_sigma = 3;
-    c.lost_sigma_m = 0.5f;
+    c.motion_sigma_m_s2 = 1.5f;
+    c.motion_sigma_rad_s2 = 3;
+    c.max_reckoned_sigma_m = 0.5f;
     c.first_pose[0] = c.first_pose[5] = c.first_pose[10] = c.first_pose[15] = 1;
     return c;
 }
@@ -71,13 +71,13 @@ fathom_config fathom_config_default(void) {
 fathom_config fathom_config_preset(fathom_preset preset) {
     fathom_config c = fathom_config_default();
     if (preset == FATHOM_PRESET_TINY) {
-        c.align_most = 160;
+        c.max_align_width = 160;
         c.voxel_m = 0.02f;
-        c.memory_cap_bytes = (int64_t)64 << 20;
+        c.max_memory_bytes = (int64_t)64 << 20;
     } else if (preset == FATHOM_PRESET_LARGE) {
-        c.align_most = 640;
+        c.max_align_width = 640;
         c.voxel_m = 0.008f;
-        c.memory_cap_bytes = (int64_t)256 << 20;
+        c.max_memory_bytes = (int64_t)256 << 20;
     }
     return c;
 }
@@ -108,33 +108,33 @@ int config_check(const fathom_config *c) {
         {"distortion[3]", c->distortion[3], -100, 100},
         {"distortion[4]", c->distortion[4], -100, 100},
         {"depth_units_per_metre", c->depth_units_per_metre, 1e-3, 1e7},
-        {"depth_min_m", c->depth_min_m, 0, 100},
-        {"depth_max_m", c->depth_max_m, c->depth_min_m, 1000},
+        {"min_depth_m", c->min_depth_m, 0, 100},
+        {"max_depth_m", c->max_depth_m, c->min_depth_m, 1000},
         {"depth_noise_base_m", c->depth_noise_base_m, 1e-6, 1},
-        {"depth_noise_growth", c->depth_noise_growth, 0, 1},
+        {"depth_noise_growth_per_m", c->depth_noise_growth_per_m, 0, 1},
         {"align_width", c->align_width, 0, 4096},
         {"align_height", c->align_height, 0, 4096},
-        {"align_most", c->align_most, 16, 4096},
+        {"max_align_width", c->max_align_width, 16, 4096},
         {"against", c->against, 0, 1},
         {"prior", c->prior, 0, 1},
-        {"iterations[0]", c->iterations[0], 0, 100},
-        {"iterations[1]", c->iterations[1], 0, 100},
-        {"iterations[2]", c->iterations[2], 0, 100},
-        {"seeded_iterations[0]", c->seeded_iterations[0], 0, 100},
-        {"seeded_iterations[1]", c->seeded_iterations[1], 0, 100},
-        {"seeded_iterations[2]", c->seeded_iterations[2], 0, 100},
-        {"iterations in all", c->iterations[0] + c->iterations[1] + c->iterations[2], 1, 300},
-        {"seeded_iterations in all",
-         c->seeded_iterations[0] + c->seeded_iterations[1] + c->seeded_iterations[2], 1, 300},
-        {"seeded_sigma_m", c->seeded_sigma_m, 0, 100},
-        {"keep_model_m", c->keep_model_m, 0, 1e9},
-        {"keep_model_rad", c->keep_model_rad, 0, 1e9},
-        {"pair_distance_m", c->pair_distance_m, 1e-4, 10},
-        {"pair_angle_rad", c->pair_angle_rad, 0.01, 3.15},
+        {"max_iterations[0]", c->max_iterations[0], 0, 100},
+        {"max_iterations[1]", c->max_iterations[1], 0, 100},
+        {"max_iterations[2]", c->max_iterations[2], 0, 100},
+        {"max_seeded_iterations[0]", c->max_seeded_iterations[0], 0, 100},
+        {"max_seeded_iterations[1]", c->max_seeded_iterations[1], 0, 100},
+        {"max_seeded_iterations[2]", c->max_seeded_iterations[2], 0, 100},
+        {"max_iterations in all", c->max_iterations[0] + c->max_iterations[1] + c->max_iterations[2], 1, 300},
+        {"max_seeded_iterations in all",
+         c->max_seeded_iterations[0] + c->max_seeded_iterations[1] + c->max_seeded_iterations[2], 1, 300},
+        {"max_seed_sigma_m", c->max_seed_sigma_m, 0, 100},
+        {"max_model_reuse_m", c->max_model_reuse_m, 0, 1e9},
+        {"max_model_reuse_rad", c->max_model_reuse_rad, 0, 1e9},
+        {"max_pair_distance_m", c->max_pair_distance_m, 1e-4, 10},
+        {"max_pair_angle_rad", c->max_pair_angle_rad, 0.01, 3.15},
         {"huber_m", c->huber_m, 1e-6, 100},
-        {"stop_rotation_rad", c->stop_rotation_rad, 0, 1},
-        {"stop_translation_m", c->stop_translation_m, 0, 1},
-        {"stop_error_fall", c->stop_error_fall, -1e9, 1},
+        {"min_update_rad", c->min_update_rad, 0, 1},
+        {"min_update_m", c->min_update_m, 0, 1},
+        {"min_error_decrease", c->min_error_decrease, -1e9, 1},
         {"min_overlap", c->min_overlap, 0, 1},
         {"min_pairs", c->min_pairs, 0, 1e9},
         {"max_rms_m", c->max_rms_m, 1e-6, 1e9},
@@ -142,36 +142,36 @@ int config_check(const fathom_config *c) {
         {"max_innovation_sigmas", c->max_innovation_sigmas, 0.1, 1e30},
         {"min_agreement", c->min_agreement, 0, 1},
         {"max_see_through", c->max_see_through, 0, 1},
-        {"evident_pairs", c->evident_pairs, 0, 1e9},
-        {"evident_sigmas", c->evident_sigmas, 0, 1e9},
-        {"agreement_m", c->agreement_m, 1e-4, 100},
+        {"min_evident_fraction", c->min_evident_fraction, 0, 1e9},
+        {"max_evident_sigmas", c->max_evident_sigmas, 0, 1e9},
+        {"agreement_tolerance_m", c->agreement_tolerance_m, 1e-4, 100},
         {"max_sigma_m", c->max_sigma_m, 1e-4, 1000},
         {"max_sigma_rad", c->max_sigma_rad, 1e-4, 1000},
         {"voxel_m", c->voxel_m, 0.001, 1},
         {"truncation_m", c->truncation_m, 0, 10},
-        {"blocks", c->blocks == 0 ? CONFIG_BLOCKS_LEAST : c->blocks, CONFIG_BLOCKS_LEAST, CONFIG_BLOCKS_MOST},
+        {"max_blocks", c->max_blocks == 0 ? CONFIG_BLOCKS_LEAST : c->max_blocks, CONFIG_BLOCKS_LEAST, CONFIG_BLOCKS_MOST},
         {"when_full", c->when_full, 0, 1},
         {"max_weight", c->max_weight, 1, 1000},
-        {"memory_cap_bytes", (double)c->memory_cap_bytes, 1 << 20, 1e15},
+        {"max_memory_bytes", (double)c->max_memory_bytes, 1 << 20, 1e15},
         {"imu_to_camera_translation[0]", c->imu_to_camera_translation[0], -10, 10},
         {"imu_to_camera_translation[1]", c->imu_to_camera_translation[1], -10, 10},
         {"imu_to_camera_translation[2]", c->imu_to_camera_translation[2], -10, 10},
         {"imu_clock_offset_ns", (double)c->imu_clock_offset_ns, -STAMP_MAX, STAMP_MAX},
-        {"rig_rotation_sigma", c->rig_rotation_sigma, 1e-6, 1},
+        {"rig_rotation_sigma_rad", c->rig_rotation_sigma_rad, 1e-6, 1},
         {"rig_clock_sigma_ns", (double)c->rig_clock_sigma_ns, 1e3, 1e9},
-        {"gravity", c->gravity, 0, 100},
-        {"gyro_noise", c->gyro_noise, 0, 10},
-        {"gyro_bias_sigma", c->gyro_bias_sigma, 0, 10},
-        {"accel_noise", c->accel_noise, 0, 100},
-        {"accel_bias_sigma", c->accel_bias_sigma, 0, 100},
-        {"seed_floor_rad", c->seed_floor_rad, 1e-6, 10},
-        {"seed_floor_m", c->seed_floor_m, 1e-6, 10},
+        {"gravity_m_s2", c->gravity_m_s2, 0, 100},
+        {"gyro_noise_rad_s_sqrthz", c->gyro_noise_rad_s_sqrthz, 0, 10},
+        {"gyro_bias_sigma_rad_s", c->gyro_bias_sigma_rad_s, 0, 10},
+        {"accel_noise_m_s2_sqrthz", c->accel_noise_m_s2_sqrthz, 0, 100},
+        {"accel_bias_sigma_m_s2", c->accel_bias_sigma_m_s2, 0, 100},
+        {"seed_noise_rad", c->seed_noise_rad, 1e-6, 10},
+        {"seed_noise_m", c->seed_noise_m, 1e-6, 10},
         {"pose_noise_rad", c->pose_noise_rad, 0, 1},
         {"pose_noise_m", c->pose_noise_m, 0, 1},
-        {"motion_accel_sigma", c->motion_accel_sigma, 0, 1000},
-        {"motion_turn_sigma", c->motion_turn_sigma, 0, 1000},
-        {"lost_sigma_m", c->lost_sigma_m, 1e-3, 1000},
-        {"imu_capacity", c->imu_capacity, 0, 1 << 24},
+        {"motion_sigma_m_s2", c->motion_sigma_m_s2, 0, 1000},
+        {"motion_sigma_rad_s2", c->motion_sigma_rad_s2, 0, 1000},
+        {"max_reckoned_sigma_m", c->max_reckoned_sigma_m, 1e-3, 1000},
+        {"max_imu_samples", c->max_imu_samples, 0, 1 << 24},
         {"buffers", c->buffers, 0, 2},
     };
     for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++)

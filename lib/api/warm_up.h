@@ -3,7 +3,7 @@
 #ifndef FATHOM_WARM_UP_H
 #define FATHOM_WARM_UP_H
 
-#include "api/context.h"
+#include "context.h"
 
 /* Leaves an empty surface and maps without a valid pixel. */
 void warm_up(fathom *f);

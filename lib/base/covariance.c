@@ -48,6 +48,10 @@ bool covariance_invert(const double c[36], double out[36]) {
     return true;
 }
 
+double covariance_position_sigma(const double c[36]) {
+    return sqrt(fmax(c[21], fmax(c[28], c[35])));
+}
+
 double covariance_mahalanobis(const double c[36], const double e[6]) {
     double l[36], y[6], sum = 0;
     if (!cholesky(c, l)) return INFINITY;

@@ -12,6 +12,8 @@ extern "C" {
 void covariance_transport(const double a[36], const double c[36], double out[36]);
 /* out = c^-1, symmetric; false when c isn't positive definite. */
 bool covariance_invert(const double c[36], double out[36]);
+/* The largest sigma of position along an axis, metres. */
+double covariance_position_sigma(const double c[36]);
 /* Mahalanobis distance sqrt(e^T c^-1 e) by Cholesky; INFINITY when c isn't positive definite. */
 double covariance_mahalanobis(const double c[36], const double e[6]);
 

@@ -22,6 +22,11 @@ void so3_transpose_multiply(const double a[9], const double b[9], double out[9])
     memcpy(out, m, sizeof m);
 }
 
+void so3_apply(const double r[9], const double v[3], double out[3]) {
+    const double a[3] = {v[0], v[1], v[2]};
+    for (int i = 0; i < 3; i++) out[i] = r[3 * i] * a[0] + r[3 * i + 1] * a[1] + r[3 * i + 2] * a[2];
+}
+
 void pose_apply(const pose *a, const double p[3], double out[3]) {
     double q[3];
     for (int i = 0; i < 3; i++)

@@ -37,6 +37,7 @@ bool pose_from_matrix(const float matrix[16],
 
 void so3_exp(const double w[3], double r[9]); /* Rodrigues */
 void so3_log(const double r[9], double w[3]);
+void so3_apply(const double r[9], const double v[3], double out[3]); /* r v; out may be v */
 void so3_multiply(const double a[9], const double b[9], double out[9]);           /* out may be a or b */
 void so3_transpose_multiply(const double a[9], const double b[9], double out[9]); /* a^T b */
 

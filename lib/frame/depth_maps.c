@@ -11,12 +11,12 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     int width = c->align_width, height = c->align_height;
     if (width == 0 && height == 0) {
         int factor = 1;
-        while (c->depth_width / factor > c->align_most || c->depth_width % factor ||
+        while (c->depth_width / factor > c->max_align_width || c->depth_width % factor ||
                c->depth_height % factor) {
             if (++factor > 64) {
                 log_write(c, FATHOM_LOG_ERROR,
                           "depth of %dx%d has no whole fraction up to %d wide: set align_width",
-                          c->depth_width, c->depth_height, c->align_most);
+                          c->depth_width, c->depth_height, c->max_align_width);
                 return FATHOM_ERROR_CONFIG;
             }
         }
@@ -46,7 +46,8 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
     }
     /* what is noisier than the surface is thick fills the pool and says nothing */
     float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m) - c->depth_noise_base_m;
-    float far_m = c->depth_noise_growth > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth) : c->depth_max_m;
+    const float growth = c->depth_noise_growth_per_m;
+    float far_m = growth > 0 ? sqrtf(fmaxf(thick, 0) / growth) : c->max_depth_m;
     const float *k = c->distortion;
     m->source = (kernel_depth_source){c->fx,
                                       c->fy,
@@ -62,9 +63,9 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
                                       c->depth_height,
                                       c->depth_width / m->camera[FINEST].width,
                                       1.0f / c->depth_units_per_metre,
-                                      c->depth_min_m,
-                                      fmaxf(fminf(c->depth_max_m, far_m), c->depth_min_m)};
-    m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth}};
+                                      c->min_depth_m,
+                                      fmaxf(fminf(c->max_depth_m, far_m), c->min_depth_m)};
+    m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth_per_m}};
     device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
     for (int i = 0; i < FATHOM_LEVELS; i++) {

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/stamps.h"
 #include "inertial/inertial.h"
 #include "inertial/start.h"
 #include "inertial/strapdown.h"
@@ -19,7 +20,95 @@
 #define MISMATCH_JUMP 4   /* squared misfit that makes it grow at once */
 #define DOUBT_RAD 0.012   /* a turn between accepted poses that the gyroscope gets more wrong is a contradiction */
 #define DOUBT_SECONDS 1.0 /* poses further apart say little */
-#define EXACT 1e12        /* information, 1/rad^2 and 1/m^2, of an exact pose */
+
+/* The angle between the poses' way and what is foretold of it, squared; by the samples or without. */
+static double foretold_wrongly(inertial *n, bool without, const pose *way, int64_t from_ns, int64_t to_ns) {
+    inertial_motion m;
+    bool doubted = n->now.doubted;
+    n->now.doubted = without;
+    int e = inertial_estimate(n, from_ns, to_ns, &m);
+    n->now.doubted = doubted;
+    if (e != FATHOM_OK) return 0;
+    pose rest = pose_between(&m.motion, way);
+    return fmin(pow(pose_angle(&rest), 2), 1);
+}
+
+/* Do the samples still tell of this camera's turning? A clock that leapt unseen, or a loose IMU, shows here. */
+static void doubt(inertial *n, const measurement *m) {
+    double dt = 1e-9 * ((double)m->timestamp_ns - (double)n->now.corrected_ns);
+    int last = samples_find(&n->samples, m->timestamp_ns), first = samples_find(&n->samples, n->now.corrected_ns);
+    if (!n->config->imu || n->samples.count < 2 || first < 0 || dt > DOUBT_SECONDS) return;
+    double samples = last - first, wanted = 1e9 * dt / (double)n->samples.period_ns;
+    if (samples < 0.5 * wanted || samples < 1) return; /* a gap */
+    pose way = pose_between(&n->now.corrected, &m->camera_to_world);
+    double gyro = foretold_wrongly(n, false, &way, n->now.corrected_ns, m->timestamp_ns);
+    double turn = foretold_wrongly(n, true, &way, n->now.corrected_ns, m->timestamp_ns);
+    n->now.gyro_error += (gyro - n->now.gyro_error) / 4;
+    n->now.turn_error += (turn - n->now.turn_error) / 4;
+    double much = DOUBT_RAD * DOUBT_RAD;
+    bool was = n->now.doubted;
+    n->now.against = gyro > fmax(much, turn) ? n->now.against + 1 : 0; /* one interval may be the poses' fault */
+    n->now.doubted = was ? n->now.gyro_error > fmax(much / 4, n->now.turn_error / 2)
+                     : n->now.against > 1 && n->now.gyro_error > fmax(much, 4 * n->now.turn_error);
+}
+
+/* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie from
+ * where inertia put them; a sudden misfit widens the stretch that it happened in. before: the state at its start. Returns the
+ * mismatch that the pose itself is corrected by: what it teaches counts from the next on, unless it was sudden. */
+static double learn_mismatch(inertial *n, const navigator *before, const measurement *m) {
+    navigation *now = &n->now;
+    double known = now->mismatch, misfit = navigator_misfit(&now->state, m, known);
+    if (misfit < 0 || !n->usable || n->samples.count < 2) return known;
+    double factor = misfit > MISMATCH_JUMP ? sqrt(misfit / 2) : exp(0.5 * MISMATCH_RATE * (misfit - 1));
+    now->mismatch = fmin(fmax(now->mismatch * factor, MIN_MISMATCH), MAX_MISMATCH);
+    if (misfit <= MISMATCH_JUMP) return known;
+    now->state = *before;
+    navigate(n, &now->state, m->timestamp_ns);
+    return now->mismatch;
+}
+
+/* The turn since the last accepted pose: against the samples', and for when there are none. */
+static void learn_turning(inertial *n, const measurement *m) {
+    navigation *now = &n->now;
+    if (m->timestamp_ns <= now->corrected_ns) return;
+    double seconds = seconds_between(now->corrected_ns, m->timestamp_ns), w[3];
+    doubt(n, m);
+    pose way = pose_between(&now->corrected, &m->camera_to_world);
+    so3_log(way.r, w);
+    for (int i = 0; i < 3; i++) now->turning[i] = w[i] / seconds;
+}
+
+/* Takes the state to the measurement's time, and corrects it. */
+static void apply(inertial *n, const measurement *m) {
+    navigation *now = &n->now;
+    navigator before = now->state;
+    if (m->of_frame) learn_turning(n, m);
+    navigate(n, &now->state, m->timestamp_ns);
+    double mismatch = m->of_frame ? learn_mismatch(n, &before, m) : now->mismatch;
+    if (m->linearise) navigator_correct(&now->state, m, mismatch);
+    if (!m->of_frame) return;
+    now->corrected = m->camera_to_world;
+    now->corrected_ns = m->timestamp_ns;
+}
+
+int inertial_measure(inertial *n, const measurement *m) {
+    timeline *past = &n->past;
+    if (!n->running) return FATHOM_ERROR_NO_DATA;
+    int i = timeline_find(past, m->timestamp_ns), newest = past->count - 1;
+    if (i < 0) {
+        n->refused++;
+        return FATHOM_ERROR_TIME;
+    }
+    n->late += i < newest;
+    if (i < newest) n->now = timeline_at(past, i)->after;
+    i = timeline_insert(past, i + 1);
+    timeline_at(past, i)->by = *m;
+    for (; i < past->count; i++) {
+        apply(n, &timeline_at(past, i)->by);
+        timeline_at(past, i)->after = n->now;
+    }
+    return FATHOM_OK;
+}
 
 /* Detected stillness corrects the navigator, with or without a pose. */
 static void stand_still(inertial *n) {
@@ -29,105 +118,54 @@ static void stand_still(inertial *n) {
     /* a slide or a slow pan at an even rate feels the same: the poses and the velocity must agree */
     if (!w->anchored) {
         w->anchored = true;
-        w->anchor = n->corrected;
-        w->anchor_ns = n->corrected_ns;
+        w->anchor = n->now.corrected;
+        w->anchor_ns = n->now.corrected_ns;
     }
-    pose way = pose_between(&w->anchor, &n->corrected);
-    const double *v = n->state.v;
+    pose way = pose_between(&w->anchor, &n->now.corrected);
+    const double *v = n->now.state.v;
     bool moved = pose_distance(&way) > STILL_WAY || pose_angle(&way) > STILL_ANGLE ||
                  v[0] * v[0] + v[1] * v[1] + v[2] * v[2] > STILL_SPEED * STILL_SPEED;
     if (moved) stillness_end(&n->samples.still);
-    if (moved || n->corrected_ns - w->anchor_ns < STILL_WATCHED_NS) return;
+    if (moved || n->now.corrected_ns - w->anchor_ns < STILL_WATCHED_NS) return;
     for (int i = 0; i < 3; i++) {
         mean[i] = (w->gyro[i] - w->used_gyro[i]) / (w->samples - w->used);
         w->used_gyro[i] = w->gyro[i];
     }
     w->used = w->samples;
-    navigator_still(&n->state, STILL_VELOCITY, mean, STILL_TURN / sqrt(seconds));
+    int64_t now = n->now.state.timestamp_ns;
+    measurement rest = measurement_of_rest(now, STILL_VELOCITY);
+    measurement bias = measurement_of_gyro_bias(now, mean, STILL_TURN / sqrt(seconds));
+    inertial_measure(n, &rest);
+    inertial_measure(n, &bias);
 }
 
 void inertial_advance(inertial *n, int64_t timestamp_ns) {
-    if (!n->running) return;
-    navigate(n, &n->state, timestamp_ns);
-    stand_still(n);
+    measurement nothing = measurement_of_nothing(timestamp_ns);
+    if (n->running && timestamp_ns < n->now.state.timestamp_ns) return;
+    if (inertial_measure(n, &nothing) == FATHOM_OK) stand_still(n);
 }
 
-/* The angle between the poses' way and what is foretold of it, squared; by the samples or without. */
-static double foretold_wrongly(inertial *n, bool without, const pose *way, int64_t from_ns, int64_t to_ns) {
-    inertial_motion m;
-    bool doubted = n->doubted;
-    n->doubted = without;
-    int e = inertial_estimate(n, from_ns, to_ns, &m);
-    n->doubted = doubted;
-    if (e != FATHOM_OK) return 0;
-    pose rest = pose_between(&m.motion, way);
-    return fmin(pow(pose_angle(&rest), 2), 1);
-}
-
-/* Do the samples still tell of this camera's turning? A clock that leapt unseen, or a loose IMU, shows here. */
-static void doubt(inertial *n, const pose *accepted, int64_t timestamp_ns) {
-    double dt = 1e-9 * ((double)timestamp_ns - (double)n->corrected_ns);
-    int last = samples_find(&n->samples, timestamp_ns), first = samples_find(&n->samples, n->corrected_ns);
-    if (!n->config->imu || n->samples.count < 2 || first < 0 || dt > DOUBT_SECONDS) return;
-    double samples = last - first, wanted = 1e9 * dt / (double)n->samples.period_ns;
-    if (samples < 0.5 * wanted || samples < 1) return; /* a gap */
-    pose way = pose_between(&n->corrected, accepted);
-    double gyro = foretold_wrongly(n, false, &way, n->corrected_ns, timestamp_ns);
-    double turn = foretold_wrongly(n, true, &way, n->corrected_ns, timestamp_ns);
-    n->gyro_error += (gyro - n->gyro_error) / 4;
-    n->turn_error += (turn - n->turn_error) / 4;
-    double much = DOUBT_RAD * DOUBT_RAD;
-    bool was = n->doubted;
-    n->against = gyro > fmax(much, turn) ? n->against + 1 : 0; /* one interval may be the poses' fault */
-    n->doubted = was ? n->gyro_error > fmax(much / 4, n->turn_error / 2)
-                     : n->against > 1 && n->gyro_error > fmax(much, 4 * n->turn_error);
-    if (n->doubted == was) return;
-    n->doubts += n->doubted;
+static void tell_doubt(inertial *n) {
+    n->doubts += n->now.doubted;
     log_write(n->config, FATHOM_LOG_INFO,
-              n->doubted
+              n->now.doubted
                   ? "the gyroscope contradicts the poses: the scan goes on without the IMU until they agree"
                   : "gyroscope and poses agree again");
 }
 
-/* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie from
- * where inertia put them; a sudden misfit widens the stretch that it happened in. */
-static void correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
-                    int64_t timestamp_ns) {
+int inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
+                     int64_t timestamp_ns) {
     const fathom_config *c = n->config;
-    double floor_rad = c->pose_noise_rad * n->mismatch, floor_m = c->pose_noise_m * n->mismatch;
-    navigator before = n->state;
-    navigate(n, &n->state, timestamp_ns);
-    double misfit = navigator_misfit(&n->state, n->lever, accepted, information, pull, floor_rad, floor_m);
-    if (misfit >= 0 && n->usable && n->samples.count > 1) {
-        double factor = misfit > MISMATCH_JUMP ? sqrt(misfit / 2) : exp(0.5 * MISMATCH_RATE * (misfit - 1));
-        n->mismatch = fmin(fmax(n->mismatch * factor, MIN_MISMATCH), MAX_MISMATCH);
-        if (misfit > MISMATCH_JUMP) {
-            n->state = before;
-            navigate(n, &n->state, timestamp_ns);
-            floor_rad = c->pose_noise_rad * n->mismatch;
-            floor_m = c->pose_noise_m * n->mismatch;
-        }
-    }
-    navigator_correct(&n->state, n->lever, accepted, information, pull, floor_rad, floor_m);
-}
-
-void inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
-                      int64_t timestamp_ns) {
-    if (n->corrected_ns != INT64_MIN && timestamp_ns > n->corrected_ns) {
-        double dt = 1e-9 * ((double)timestamp_ns - (double)n->corrected_ns), w[3];
-        if (n->running) doubt(n, accepted, timestamp_ns);
-        pose way = pose_between(&n->corrected, accepted);
-        so3_log(way.r, w);
-        for (int i = 0; i < 3; i++) n->turning[i] = w[i] / dt;
-    }
     if (!n->running) {
         inertial_start(n, accepted, timestamp_ns);
-    } else {
-        double exact[36] = {0};
-        for (int i = 0; i < 6; i++) exact[7 * i] = EXACT;
-        correct(n, accepted, information ? information : exact, pull, timestamp_ns);
-        stand_still(n);
+        return FATHOM_OK;
     }
-    n->corrected = *accepted;
-    n->corrected_ns = timestamp_ns;
+    bool on_time = timestamp_ns >= n->now.state.timestamp_ns, doubted = n->now.doubted;
+    measurement m = measurement_of_pose(timestamp_ns, accepted, information, pull, n->lever, c->pose_noise_rad,
+                                        c->pose_noise_m);
+    m.of_frame = true;
+    int e = inertial_measure(n, &m);
+    if (n->now.doubted != doubted) tell_doubt(n);
+    if (on_time) stand_still(n);
+    return e;
 }

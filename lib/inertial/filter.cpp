@@ -3,6 +3,8 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "inertial/measurement.h"
+
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Error = Eigen::Matrix<double, NAVIGATOR_STATES, 1>;
@@ -12,11 +14,19 @@ using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using RowMatrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using Observation = Eigen::Matrix<double, 6, NAVIGATOR_STATES>;
+using RowObservation = Eigen::Matrix<double, 6, NAVIGATOR_STATES, Eigen::RowMajor>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 #define USUAL_RATE 0.3 /* rad/s: a hand's turning that keeps its direction, for what it does to a bias */
-#define STILL_MOST 12.0 /* squared Mahalanobis distance of three: one in a hundred is further */
 
-enum { ROTATION = 0, POSITION = 3, VELOCITY = 6, GYRO_BIAS = 9, ACCEL_BIAS = 12, GRAVITY = 15 };
+enum {
+    ROTATION = NAVIGATOR_ROTATION,
+    POSITION = NAVIGATOR_POSITION,
+    VELOCITY = NAVIGATOR_VELOCITY,
+    GYRO_BIAS = NAVIGATOR_GYRO_BIAS,
+    ACCEL_BIAS = NAVIGATOR_ACCEL_BIAS,
+    GRAVITY = NAVIGATOR_GRAVITY
+};
 
 static Matrix3d skew(const Vector3d &v) {
     Matrix3d m;
@@ -132,14 +142,20 @@ void navigator_camera_covariance(const navigator *n, const double lever[3], doub
         h * Eigen::Map<const RowCovariance>(n->covariance) * h.transpose();
 }
 
+void navigator_camera_jacobian(const navigator *n, const double lever[3], double jacobian[6 * NAVIGATOR_STATES]) {
+    Eigen::Map<RowObservation> j(jacobian);
+    j = camera_of_error(n, lever);
+}
+
 void navigator_forget_pose_error(navigator *n) {
     Eigen::Map<RowCovariance> c(n->covariance);
     c.topRows<6>().setZero();
     c.leftCols<6>().setZero();
 }
 
-/* Sola 2017, Section 6.2: the error's estimate goes into the state. */
-static void inject(navigator *n, const Error &e) {
+/* Sola 2017, Section 6.2 */
+void navigator_perturb(navigator *n, const double error[NAVIGATOR_STATES]) {
+    Eigen::Map<const Error> e(error);
     pose turned = {{0}, {0}};
     Eigen::Map<Rotation>(turned.r) = Eigen::Map<const Rotation>(n->r) * rotation_exp(e.segment<3>(ROTATION));
     pose_normalise(&turned);
@@ -153,24 +169,25 @@ static void inject(navigator *n, const Error &e) {
     }
 }
 
-/* A camera pose held against the state: Sola 2017, Section 6.1, with the information Y of the measurement, which may be
+/* A measurement held against the state: Sola 2017, Section 6.1, with the information Y of the measurement, which may be
  * singular, instead of its covariance: the gain is K = P H^T W with W = (I + Y H P H^T)^-1 Y. */
 struct Comparison {
     Eigen::Matrix<double, NAVIGATOR_STATES, 6> ph;
     Matrix6 predicted; /* H P H^T */
     Matrix6 floors;
     Matrix6 w;
-    Eigen::Matrix<double, 6, 1> weighed; /* W times the innovation */
+    Vector6 innovation;
+    Vector6 weighed; /* W times the innovation */
 };
 
-static Comparison compare(const navigator *n, const double lever[3], const pose *camera_to_world,
-                          const double information[36], const double pull[6], double floor_rad,
-                          double floor_m) {
+static Comparison compare(const navigator *n, const measurement *m, double mismatch) {
     Comparison c;
-    Observation h = camera_of_error(n, lever);
-    Matrix6 y = Eigen::Map<const RowMatrix6>(information), identity = Matrix6::Identity();
+    linearisation at = {};
+    m->linearise(m, n, &at);
+    Observation h = Eigen::Map<const RowObservation>(at.jacobian);
+    Matrix6 y = Eigen::Map<const RowMatrix6>(m->information), identity = Matrix6::Identity();
     c.floors.setZero();
-    for (int i = 0; i < 6; i++) c.floors(i, i) = i < 3 ? floor_rad * floor_rad : floor_m * floor_m;
+    for (int i = 0; i < 6; i++) c.floors(i, i) = mismatch * m->floors[i] * (mismatch * m->floors[i]);
     auto floored = (identity + y * c.floors).partialPivLu(); /* (Y^-1 + floors)^-1 = (I + Y floors)^-1 Y */
     y = floored.solve(y).eval();
     y = 0.5 * (y + y.transpose()).eval();
@@ -178,57 +195,32 @@ static Comparison compare(const navigator *n, const double lever[3], const pose 
     c.predicted = h * c.ph;
     auto gain = (identity + y * c.predicted).partialPivLu();
     c.w = gain.solve(y);
-    pose camera = navigator_camera(n, lever), way = pose_between(&camera, camera_to_world);
-    Eigen::Matrix<double, 6, 1> innovation, right;
-    pose_log(&way, innovation.data());
-    right = y * innovation;
-    if (pull) right += floored.solve(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(pull));
+    c.innovation = Eigen::Map<const Vector6>(at.residual);
+    Vector6 right = y * c.innovation;
+    right += floored.solve(Eigen::Map<const Vector6>(m->pull));
     c.weighed = gain.solve(right);
     return c;
 }
 
-double navigator_misfit(const navigator *n, const double lever[3], const pose *camera_to_world,
-                        const double information[36], const double pull[6], double floor_rad,
-                        double floor_m) {
-    Comparison c = compare(n, lever, camera_to_world, information, pull, floor_rad, floor_m);
+double navigator_misfit(const navigator *n, const measurement *m, double mismatch) {
+    Comparison c = compare(n, m, mismatch);
     Matrix6 own = c.predicted + c.floors;
     double directions = (c.w * own).trace(), square = c.weighed.dot(own * c.weighed);
     return directions > 1 && std::isfinite(square) ? square / directions : -1;
 }
 
-void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
-                       const double information[36], const double pull[6], double floor_rad, double floor_m) {
-    Comparison c = compare(n, lever, camera_to_world, information, pull, floor_rad, floor_m);
+bool navigator_correct(navigator *n, const measurement *m, double mismatch) {
+    Comparison c = compare(n, m, mismatch);
+    if (std::isfinite(m->max_squares) && !(c.innovation.dot(c.weighed) < m->max_squares)) return false;
     Eigen::Matrix<double, NAVIGATOR_STATES, 6> gain = c.ph * c.w;
     Error e = c.ph * c.weighed;
-    if (!e.allFinite()) return;
+    if (!e.allFinite()) return false;
     Eigen::Map<RowCovariance> stored(n->covariance);
     Covariance p = stored;
     p = (p - gain * c.ph.transpose()).eval();
     stored = 0.5 * (p + p.transpose());
-
-    inject(n, e);
-}
-
-/* A Kalman update by a measurement of three neighbouring states. */
-static void measure(navigator *n, int state, const Vector3d &innovation, double sigma) {
-    Eigen::Map<RowCovariance> stored(n->covariance);
-    Covariance p = stored;
-    Matrix3d s = p.block<3, 3>(state, state) + sigma * sigma * Matrix3d::Identity();
-    Matrix3d inverse = s.inverse();
-    if (!(innovation.dot(inverse * innovation) < STILL_MOST)) return;
-    Eigen::Matrix<double, NAVIGATOR_STATES, 3> gain = p.middleCols<3>(state) * inverse;
-    Error e = gain * innovation;
-    if (!e.allFinite()) return;
-    p = (p - gain * p.middleRows<3>(state)).eval();
-    stored = 0.5 * (p + p.transpose());
-    inject(n, e);
-}
-
-void navigator_still(navigator *n, double velocity_sigma, const double gyro_mean[3], double gyro_sigma) {
-    measure(n, VELOCITY, -Eigen::Map<const Vector3d>(n->v), velocity_sigma);
-    measure(n, GYRO_BIAS, Eigen::Map<const Vector3d>(gyro_mean) - Eigen::Map<const Vector3d>(n->gyro_bias),
-            gyro_sigma);
+    navigator_perturb(n, e.data());
+    return true;
 }
 
 void navigator_turn_imu(navigator *n, const double turn[3]) {

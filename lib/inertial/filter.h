@@ -6,6 +6,7 @@
 #ifndef FATHOM_FILTER_H
 #define FATHOM_FILTER_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/se3.h"
@@ -15,6 +16,16 @@ extern "C" {
 #endif
 
 #define NAVIGATOR_STATES 18
+
+/* Where the parts of the error begin, three states each. */
+enum {
+    NAVIGATOR_ROTATION = 0,
+    NAVIGATOR_POSITION = 3,
+    NAVIGATOR_VELOCITY = 6,
+    NAVIGATOR_GYRO_BIAS = 9,
+    NAVIGATOR_ACCEL_BIAS = 12,
+    NAVIGATOR_GRAVITY = 15
+};
 
 typedef struct {
     int64_t timestamp_ns;
@@ -45,21 +56,18 @@ void navigator_start(navigator *n, const pose *imu_to_world, const double gravit
 void navigator_step(navigator *n, double dt, const double gyro[3], const double accel[3],
                     const navigator_noise *noise);
 
-/* A camera pose with its information (6x6, right perturbation of the camera's pose, rotation then translation): directions
- * without information correct nothing. floor_rad and floor_m: sigma of what no information counts. lever: the IMU's
- * origin in camera axes. pull: where the pose was found jointly with a prior, the information times the way from it to what
- * the measurement alone says, so that the prior doesn't count twice; NULL: none. */
-void navigator_correct(navigator *n, const double lever[3], const pose *camera_to_world,
-                       const double information[36], const double pull[6], double floor_rad, double floor_m);
+typedef struct measurement measurement; /* inertial/measurement.h */
 
-/* How the same pose fits to the state, before it corrects it: the squared innovation in units of what the state's covariance
- * and the floors, but not the information, explain of it; 1 is expected. Negative: the pose says too little to tell. */
-double navigator_misfit(const navigator *n, const double lever[3], const pose *camera_to_world,
-                        const double information[36], const double pull[6], double floor_rad, double floor_m);
+/* The measurement corrects the state, whose time is the measurement's. mismatch: scales its floors. False: it was left out,
+ * for it is beyond its gate or not finite. */
+bool navigator_correct(navigator *n, const measurement *m, double mismatch);
 
-/* The IMU stands still: its velocity is zero and its gyroscope reads its bias (mean over the stillness). Either is left out
- * where the state is sure of something else. */
-void navigator_still(navigator *n, double velocity_sigma, const double gyro_mean[3], double gyro_sigma);
+/* How a measurement fits to the state, before it corrects it: the squared innovation in units of what the state's covariance
+ * and the floors, but not the information, explain of it; 1 is expected. Negative: it says too little to tell. */
+double navigator_misfit(const navigator *n, const measurement *m, double mismatch);
+
+/* Adds an error to the state, in the order of the covariance. */
+void navigator_perturb(navigator *n, const double error[NAVIGATOR_STATES]);
 
 /* The IMU turns out to be mounted otherwise: what was taken for v is exp(turn) v. The biases turn with it, and what they and
  * gravity have learnt by the wrong axes is as uncertain as the turn makes it. */
@@ -68,6 +76,9 @@ void navigator_turn_imu(navigator *n, const double turn[3]);
 /* The camera's pose, and the covariance of it (right perturbation). */
 pose navigator_camera(const navigator *n, const double lever[3]);
 void navigator_camera_covariance(const navigator *n, const double lever[3], double covariance[36]);
+
+/* How an error of the state moves the camera's pose (right perturbation): 6 rows, row-major. */
+void navigator_camera_jacobian(const navigator *n, const double lever[3], double jacobian[6 * NAVIGATOR_STATES]);
 
 /* Calls the pose of this moment exact, for the covariance of a motion from here on. */
 void navigator_forget_pose_error(navigator *n);

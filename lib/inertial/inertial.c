@@ -8,22 +8,17 @@ void inertial_init(inertial *n, arena *a, const fathom_config *config) {
     memset(n, 0, sizeof *n);
     n->config = config;
     samples_init(s, a, config);
-    if (!s->history) return;
+    timeline_init(&n->past, a);
+    if (!s->history || !n->past.moments) return;
     for (int i = 0; i < 3; i++) n->lever[i] = config->imu_to_camera_translation[i];
     inertial_reset(n);
 }
 
 void inertial_reset(inertial *n) {
     samples_reset(&n->samples);
-    memset(n->turning, 0, sizeof n->turning);
     n->running = false;
-    n->mismatch = 1;
-    memset(&n->state, 0, sizeof n->state);
-    n->corrected_ns = INT64_MIN;
-    n->corrected = pose_identity();
-    n->doubted = false;
-    n->gyro_error = n->turn_error = 0;
-    n->against = 0;
+    n->now = (navigation){.mismatch = 1, .corrected_ns = INT64_MIN, .corrected = pose_identity()};
+    n->past.count = 0;
     inertial_rig_reset(n);
     inertial_check_reset(n);
 }

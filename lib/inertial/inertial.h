@@ -8,25 +8,20 @@
 #include "base/se3.h"
 #include "fathom.h"
 #include "inertial/extrinsics.h"
-#include "inertial/filter.h"
 #include "inertial/health/plausibility.h"
 #include "inertial/samples.h"
+#include "inertial/timeline.h"
 
 typedef struct {
     const fathom_config *config;
     imu_samples samples;
     double lever[3]; /* the IMU's origin in camera axes */
     bool running;    /* the navigator has a first pose */
-    navigator state; /* at the last frame */
-    double mismatch; /* how far poses and inertia disagree: sigmas in units of the settings' */
-    bool doubted;    /* the gyroscope contradicts the poses: gone on without the samples until it doesn't */
-    int against;     /* accepted poses in a row that it contradicted */
-    int64_t doubts;  /* times that doubted was set */
-    double gyro_error;    /* rad^2: the turn from pose to pose, as the samples foretold it wrongly */
-    double turn_error;    /* the same without samples, from the poses before */
-    double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
-    int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
-    pose corrected;       /* that pose */
+    navigation now;  /* at the last frame or measurement */
+    timeline past;
+    int64_t doubts; /* times that the gyroscope began to contradict the poses */
+    int64_t late;   /* measurements that were applied in the past ... */
+    int64_t refused; /* ... and that were too late for it */
     /* inertial/health/inertial_check.c */
     bool usable, force_usable; /* as the settings say, unless found to be wrong */
     plausibility check;
@@ -66,14 +61,17 @@ void inertial_follow_clock(inertial *n, int64_t frame_ns);
  * samples nor an accepted pose. */
 int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_motion *out);
 
+/* Takes the state on to the measurement's time and corrects it. One that is older than the state is applied at its own time:
+ * the state goes back to the moment before, and what came since is applied anew. FATHOM_OK; FATHOM_ERROR_NO_DATA before the
+ * first pose; FATHOM_ERROR_TIME for one that is older than the timeline, which is left out and counted. */
+int inertial_measure(inertial *n, const measurement *m);
+
 /* A frame whose pose wasn't accepted: the navigator goes on to its stamp alone. */
 void inertial_advance(inertial *n, int64_t timestamp_ns);
 
-/* An accepted pose corrects the navigator (the first one starts it). information: 6x6 of the pose, camera axes, right
- * perturbation; directions without information correct nothing. NULL: the pose is exact. pull: see
- * navigator_correct. */
-void inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
-                      int64_t timestamp_ns);
+/* A frame's accepted pose corrects the navigator (the first one starts it); information and pull: see measurement_of_pose. */
+int inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
+                     int64_t timestamp_ns);
 
 /* The IMU's pose of a camera pose. */
 pose inertial_imu_pose(const inertial *n, const pose *camera);

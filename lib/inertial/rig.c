@@ -8,14 +8,19 @@ void inertial_rig_reset(inertial *n) {
     const fathom_config *c = n->config;
     n->refined_at_ns = INT64_MIN;
     n->awaiting = false;
-    rig_refiner_start(&n->refiner, c->rig_rotation_sigma, 1e-9 * (double)c->rig_clock_sigma_ns,
-                      c->gyro_bias_sigma);
+    rig_refiner_start(&n->refiner, c->rig_rotation_sigma_rad, 1e-9 * (double)c->rig_clock_sigma_ns,
+                      c->gyro_bias_sigma_rad_s);
 }
 
 /* From here on the rig is another, for the samples at hand as well. */
 static void apply(inertial *n, const double mounting[3], double offset) {
     samples_remount(&n->samples, mounting, llround(1e9 * offset));
-    if (n->running) navigator_turn_imu(&n->state, mounting);
+    if (!n->running) return;
+    navigator_turn_imu(&n->now.state, mounting);
+    for (int i = 0; i < n->past.count; i++) {
+        navigator_turn_imu(&timeline_at(&n->past, i)->after.state, mounting);
+        measurement_turn_imu(&timeline_at(&n->past, i)->by, mounting);
+    }
 }
 
 void inertial_rig_add(inertial *n, const rig_interval *i, const pose *aligned, int64_t timestamp_ns) {

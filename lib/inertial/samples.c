@@ -13,7 +13,7 @@
 #define SUDDEN_FORCE 100.0 /* m/s^2, the same */
 
 static unsigned ring_capacity(const fathom_config *c) {
-    unsigned n = 64, wanted = c->imu_capacity > 0 ? (unsigned)c->imu_capacity : 4096;
+    unsigned n = 64, wanted = c->max_imu_samples > 0 ? (unsigned)c->max_imu_samples : 4096;
     while (n < wanted) n *= 2;
     return n;
 }
@@ -38,7 +38,7 @@ void samples_reset(imu_samples *s) {
     s->clocks = (clock_watch){0};
     for (int i = 0; i < 9; i++) s->rotation[i] = s->config->imu_to_camera_rotation[i];
     s->refined_ns = 0;
-    stillness_reset(&s->still, s->config->gyro_bias_sigma);
+    stillness_reset(&s->still, s->config->gyro_bias_sigma_rad_s);
 }
 
 /* ---- the pushing thread's -------------------------------------------------------------------------------------------- */
@@ -125,7 +125,7 @@ static void append(imu_samples *s, const inertial_sample *fresh) {
     s->count++;
     *sample_at(s, s->count - 1) = *fresh;
     s->accepted++;
-    stillness_add(&s->still, fresh->gyro, fresh->accel, 1e-9 * (double)s->period_ns, s->config->gyro_noise);
+    stillness_add(&s->still, fresh->gyro, fresh->accel, 1e-9 * (double)s->period_ns, s->config->gyro_noise_rad_s_sqrthz);
 }
 
 static bool sudden(const inertial_sample *a, const inertial_sample *b) {
@@ -175,14 +175,9 @@ void samples_follow_clock(imu_samples *s, int64_t frame_ns) {
               -1e-9 * (double)add);
 }
 
-static void turn(const double r[9], double v[3]) {
-    const double a[3] = {v[0], v[1], v[2]};
-    for (int i = 0; i < 3; i++) v[i] = r[3 * i] * a[0] + r[3 * i + 1] * a[1] + r[3 * i + 2] * a[2];
-}
-
 static void change(inertial_sample *s, const double r[9], int64_t later_ns) {
-    turn(r, s->gyro);
-    turn(r, s->accel);
+    so3_apply(r, s->gyro, s->gyro);
+    so3_apply(r, s->accel, s->accel);
     s->timestamp_ns += later_ns;
 }
 
@@ -196,7 +191,7 @@ void samples_remount(imu_samples *s, const double mounting[3], int64_t later_ns)
     s->refined_ns += later_ns;
     for (unsigned i = 0; i < s->count; i++) change(sample_at(s, i), r, later_ns);
     change(&s->doubt, r, later_ns);
-    turn(r, s->still.gyro_bias);
+    so3_apply(r, s->still.gyro_bias, s->still.gyro_bias);
     stillness_end(&s->still);
 }
 

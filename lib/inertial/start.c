@@ -26,24 +26,28 @@ void inertial_start(inertial *n, const pose *accepted, int64_t timestamp_ns) {
     length = sqrt(length);
     if (used > 0 && length > 1e-6)
         for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 3; k++) gravity[j] -= accepted->r[3 * j + k] * force[k] / length * c->gravity;
+            for (int k = 0; k < 3; k++) gravity[j] -= accepted->r[3 * j + k] * force[k] / length * c->gravity_m_s2;
     bool still = 1e-9 * (double)n->samples.period_ns * n->samples.still.samples > 0.1;
     pose imu = inertial_imu_pose(n, accepted);
     double gravity_sigma = used == 0 ? 10 : still ? 0.03 : 1;
-    n->state.timestamp_ns = timestamp_ns;
-    navigator_start(&n->state, &imu, gravity, still ? 0.03 : 0.5, n->samples.still.gyro_bias_sigma,
-                    c->accel_bias_sigma, gravity_sigma);
-    memcpy(n->state.gyro_bias, n->samples.still.gyro_bias, sizeof n->samples.still.gyro_bias);
+    n->now.state.timestamp_ns = timestamp_ns;
+    navigator_start(&n->now.state, &imu, gravity, still ? 0.03 : 0.5, n->samples.still.gyro_bias_sigma,
+                    c->accel_bias_sigma_m_s2, gravity_sigma);
+    memcpy(n->now.state.gyro_bias, n->samples.still.gyro_bias, sizeof n->samples.still.gyro_bias);
     n->running = true;
+    n->now.corrected = *accepted;
+    n->now.corrected_ns = timestamp_ns;
+    timeline_restart(&n->past, &n->now);
 }
 
 void inertial_start_again(inertial *n) {
     pose imu = inertial_imu_pose(n, &n->accepted);
     const double gravity[3] = {0, 0, 0};
     if (!n->usable) memset(n->samples.still.gyro_bias, 0, sizeof n->samples.still.gyro_bias);
-    n->state.timestamp_ns = n->accepted_ns;
-    navigator_start(&n->state, &imu, gravity, 0.3, n->samples.still.gyro_bias_sigma,
-                    n->config->accel_bias_sigma, 1);
-    memcpy(n->state.gyro_bias, n->samples.still.gyro_bias, sizeof n->samples.still.gyro_bias);
-    if (n->moving) memcpy(n->state.v, n->velocity, sizeof n->velocity);
+    n->now.state.timestamp_ns = n->accepted_ns;
+    navigator_start(&n->now.state, &imu, gravity, 0.3, n->samples.still.gyro_bias_sigma,
+                    n->config->accel_bias_sigma_m_s2, 1);
+    memcpy(n->now.state.gyro_bias, n->samples.still.gyro_bias, sizeof n->samples.still.gyro_bias);
+    if (n->moving) memcpy(n->now.state.v, n->velocity, sizeof n->velocity);
+    timeline_restart(&n->past, &n->now);
 }

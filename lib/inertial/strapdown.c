@@ -18,11 +18,11 @@
 /* One stretch between neighbouring samples, or without any: i is samples_find(early). forward: from early to late. */
 static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int i, bool forward) {
     const fathom_config *c = n->config;
-    bool imu = n->usable && n->samples.count > 1 && !n->doubted;
+    bool imu = n->usable && n->samples.count > 1 && !n->now.doubted;
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->samples.period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
     navigator_noise noise = {
-        c->gyro_noise, c->motion_accel_sigma * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
+        c->gyro_noise_rad_s_sqrthz, c->motion_sigma_m_s2 * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
         MAP_WALK};
     bool inside = imu && i >= 0 && i + 1 < (int)n->samples.count;
     bool gap = inside && (double)(sample_at(&n->samples, (unsigned)(i + 1))->timestamp_ns -
@@ -35,7 +35,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     if (!covered) dt = fmin(dt, MAX_BLIND);
     /* the latest that is known of the rate: a sample, or the way between the last two poses */
     int64_t sampled = imu && i >= 0 ? sample_at(&n->samples, (unsigned)i)->timestamp_ns : INT64_MIN;
-    bool by_poses = !imu || (!covered && n->corrected_ns > sampled && n->corrected_ns <= early);
+    bool by_poses = !imu || (!covered && n->now.corrected_ns > sampled && n->now.corrected_ns <= early);
     if (!by_poses) {
         samples_between(&n->samples, early, i, w0, a0);
         samples_between(&n->samples, late, i, w1, a1);
@@ -44,18 +44,18 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
             accel[k] = 0.5 * (a0[k] + a1[k]);
         }
     } else {
-        for (int k = 0; k < 3; k++) gyro[k] = n->turning[k] + s->gyro_bias[k];
+        for (int k = 0; k < 3; k++) gyro[k] = n->now.turning[k] + s->gyro_bias[k];
     }
     double coast = dt;
-    if (!covered) { /* the angle grows as motion_turn_sigma T^2 with the time T since the rate was known, however it is cut */
-        int64_t known = by_poses ? n->corrected_ns : sampled == INT64_MIN ? early : sampled;
+    if (!covered) { /* the angle grows as motion_sigma_rad_s2 T^2 with the time T since the rate was known, however it is cut */
+        int64_t known = by_poses ? n->now.corrected_ns : sampled == INT64_MIN ? early : sampled;
         double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), MAX_BLIND);
-        noise.turn = c->motion_turn_sigma * sqrt(pow(age + dt, 4) - pow(age, 4));
+        noise.turn = c->motion_sigma_rad_s2 * sqrt(pow(age + dt, 4) - pow(age, 4));
         if (n->running) coast = fmin(dt, fmax(COAST_SECONDS - age, 0));
     }
     bool force = covered && n->force_usable && isfinite(accel[0] + accel[1] + accel[2]) && n->running;
-    if (covered) noise.gyro *= fmax(n->mismatch, MISMATCH_GYRO);
-    if (force) noise.accel = c->accel_noise * n->mismatch;
+    if (covered) noise.gyro *= fmax(n->now.mismatch, MISMATCH_GYRO);
+    if (force) noise.accel = c->accel_noise_m_s2_sqrthz * n->now.mismatch;
     navigator ahead = *s;
     if (coast < dt) navigator_step(&ahead, forward ? coast : -coast, gyro, NULL, &noise);
     navigator_step(s, forward ? dt : -dt, gyro, force ? accel : NULL, &noise);
@@ -90,7 +90,7 @@ void navigator_rest(inertial *n, navigator *s, int64_t timestamp_ns) {
     pose origin = pose_identity();
     const double none[3] = {0, 0, 0};
     s->timestamp_ns = timestamp_ns;
-    navigator_start(s, &origin, none, 0.5, n->samples.still.gyro_bias_sigma, n->config->accel_bias_sigma, 1);
+    navigator_start(s, &origin, none, 0.5, n->samples.still.gyro_bias_sigma, n->config->accel_bias_sigma_m_s2, 1);
     memcpy(s->gyro_bias, n->samples.still.gyro_bias, sizeof s->gyro_bias);
 }
 
@@ -100,7 +100,7 @@ int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_moti
     int64_t early = from_ns < to_ns ? from_ns : to_ns, late = from_ns < to_ns ? to_ns : from_ns;
     navigator whole, s;
     if (n->running)
-        whole = n->state;
+        whole = n->now.state;
     else
         navigator_rest(n, &whole, early);
     navigate(n, &whole, early);
@@ -120,7 +120,7 @@ int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_moti
         out->motion = pose_inverse(&out->motion);
     }
     for (int i = 0; i < 6; i++) {
-        double floor = fmax(n->mismatch, MISMATCH_SEED) * (i < 3 ? c->seed_floor_rad : c->seed_floor_m);
+        double floor = fmax(n->now.mismatch, MISMATCH_SEED) * (i < 3 ? c->seed_noise_rad : c->seed_noise_m);
         out->covariance[7 * i] += floor * floor;
         out->pose_covariance[7 * i] += floor * floor;
     }

@@ -14,8 +14,8 @@ void model_view_init(model_view *w, device *d, arena *a, const fathom_config *co
     int more_x = c->width / 2, more_y = c->height / 2;
     w->wide = kernel_camera_of(c->width + 2 * more_x, c->height + 2 * more_y, c->fx, c->fy,
                                c->cx + (float)more_x, c->cy + (float)more_y);
-    w->near_m = fmaxf(0.5f * config->depth_min_m, 0.05f);
-    w->far_m = config->depth_max_m;
+    w->near_m = fmaxf(0.5f * config->min_depth_m, 0.05f);
+    w->far_m = config->max_depth_m;
     device_buffer_make(d, a, (size_t)w->wide.width * (size_t)w->wide.height * sizeof(cl_uint2), &w->map);
 }
 

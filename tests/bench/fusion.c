@@ -10,7 +10,7 @@
 
 #include "bench/bench_replay.h"
 #include "fathom/shell/cli.h"
-#include "api/context.h"
+#include "context.h"
 
 enum { MAPS, ALLOCATE, FUSE, STAGES };
 

@@ -37,13 +37,13 @@ static double valid_pixels(fathom *f, int level) {
 
 /* The pairs, and the pixels where scan and model both have a surface, of the reduction that has ended. */
 static void pairs_of(fathom *f, int rows, double *pairs, double *overlap) {
-    const float *sums = device_map(&f->device, &f->aligner.sums, CL_MAP_READ);
+    const float *sums = device_map(&f->device, &f->tracker.aligner.sums, CL_MAP_READ);
     *pairs = *overlap = 0;
     for (int y = 0; sums && y < rows; y++) {
         *pairs += sums[y * SUMS + SUMS_PAIRS];
         *overlap += sums[y * SUMS + SUMS_OVERLAP];
     }
-    device_unmap(&f->device, &f->aligner.sums, (void *)(uintptr_t)sums);
+    device_unmap(&f->device, &f->tracker.aligner.sums, (void *)(uintptr_t)sums);
 }
 
 static void fused(work_state *w, fathom *f, double *blocks, double *voxels) {
@@ -102,10 +102,10 @@ bool work_of_cast(work_state *w, fathom *f, const char *cast, const char *kernel
     double met;
     if (!strcmp(cast, "raycast_near") && !strcmp(kernel, "align_reduce")) {
         work->read +=
-            cast_voxels(w, f, &f->aligner.model[FINEST], &f->maps.camera[FINEST], &f->reference, &met);
+            cast_voxels(w, f, &f->tracker.models.level[FINEST], &f->maps.camera[FINEST], &f->tracker.models.seen_from, &met);
     } else if (!strcmp(cast, "raycast") && !strcmp(kernel, "request_blocks")) {
         /* the frame has passed, and is fused: its pose is the one that it was judged by */
-        work->read += cast_voxels(w, f, &f->view.map, &f->view.same, &f->pose, &met);
+        work->read += cast_voxels(w, f, &f->tracker.view.map, &f->tracker.view.same, &f->pose, &met);
         work->operations += RAY_OPERATIONS * met;
     } else {
         return false;

@@ -2,7 +2,7 @@
 #ifndef FATHOM_BENCH_STAGE_WORK_H
 #define FATHOM_BENCH_STAGE_WORK_H
 
-#include "api/context.h"
+#include "context.h"
 
 /* Operations are those of one lane of the vector unit; a fused multiply-add is one. */
 typedef struct {

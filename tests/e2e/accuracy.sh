@@ -5,19 +5,10 @@
 # Two replays run at a time with one thread each: the outcome doesn't depend on the number of threads
 # (tests/e2e/determinism.sh), the time does little.
 set -u
-
-build=${1:?usage: sh tests/e2e/accuracy.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-kitchen=$(cd "$(dirname "$0")/../.." && pwd)/../shared/data/kitchen
-[ -x "$fathom" ] || { echo "Bail out! $fathom isn't built"; exit 1; }
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-accuracy-XXXXXX") || exit 1
+. "$(dirname "$0")/../support/command.sh"
+kitchen=$data/kitchen
 lanes=
-trap 'rm -rf "$work"' EXIT
 trap 'trap - INT TERM; [ -z "$lanes" ] || kill $lanes 2>/dev/null; exit 130' INT TERM
-cd "$work" || exit 1
-
-number=0
-failed=0
 
 # result TEXT FILE: reports on the status of the command before it; FILE.out holds the summary line.
 result() {
@@ -33,11 +24,6 @@ result() {
     fi
 }
 
-skip() {
-    number=$((number + 1))
-    echo "ok $number - $1 # SKIP ../shared/data/kitchen isn't there"
-}
-
 # replay FOLDER NAME OPTIONS...: leaves NAME.out, NAME.err and NAME.csv; no NAME.out when it failed.
 replay() {
     folder=$1
@@ -47,17 +33,17 @@ replay() {
         mv "$name.part" "$name.out"
 }
 
-# figure NAME KEY: KEY's value in NAME's summary line.
-figure() {
+# figure_of NAME KEY: KEY's value in NAME's summary line.
+figure_of() {
     awk -v key="$2" '{ line = $0 }
         END { n = split(line, field, " "); for (i = 1; i <= n; i++) if (index(field[i], key "=") == 1) print substr(field[i], length(key) + 2) }' "$1.out" 2>/dev/null
 }
 
 # within NAME BOUND: the trajectory's error, metres. False for nan and where there is none.
-within() { figure "$1" ate_rmse_m | awk -v most="$2" '{ good = $1 ~ /^[0-9]/ && $1 + 0 <= most } END { exit !good }'; }
+within() { figure_of "$1" ate_rmse_m | awk -v most="$2" '{ good = $1 ~ /^[0-9]/ && $1 + 0 <= most } END { exit !good }'; }
 
 # complete NAME FRAMES: all frames were taken and all were tracked.
-complete() { [ "$(figure "$1" frames)" = "$2" ] && [ "$(figure "$1" tracked)" = "$2" ]; }
+complete() { [ "$(figure_of "$1" frames)" = "$2" ] && [ "$(figure_of "$1" tracked)" = "$2" ]; }
 
 # Exactly the frames A..B-1 of NAME are reckoned.
 reckoned_only() {
@@ -121,24 +107,25 @@ if [ $has_kitchen ]; then
     result "kitchen, lens covered during frames 200 to 269: just these are reckoned, error at most 35 mm" long
     complete single "$frames" && within single 0.025
     result "kitchen, a single iteration a frame: all frames tracked, error at most 25 mm" single
-    reckoned_only outage 200 210 && [ "$(figure outage reckoned)" = 10 ] && [ "$(figure outage lost)" = 0 ] && within outage 0.03
+    reckoned_only outage 200 210 && [ "$(figure_of outage reckoned)" = 10 ] && [ "$(figure_of outage lost)" = 0 ] && within outage 0.03
     result "kitchen, lens covered during frames 200 to 209: just these are reckoned, error at most 30 mm" outage
 else
-    for stride in 1 2 4 8 12; do skip "kitchen, stride $stride"; done
-    for stride in 16 32; do skip "kitchen, stride $stride"; done
-    skip "kitchen, stride 16 without the IMU"
-    skip "kitchen, stride 8, the paper's way of using inertia"
-    skip "kitchen, lens covered during frames 200 to 269"
-    skip "kitchen, a single iteration a frame"
-    skip "kitchen, lens covered during frames 200 to 209"
+    absent="../shared/data/kitchen isn't there"
+    for stride in 1 2 4 8 12; do skip "kitchen, stride $stride" "$absent"; done
+    for stride in 16 32; do skip "kitchen, stride $stride" "$absent"; done
+    skip "kitchen, stride 16 without the IMU" "$absent"
+    skip "kitchen, stride 8, the paper's way of using inertia" "$absent"
+    skip "kitchen, lens covered during frames 200 to 269" "$absent"
+    skip "kitchen, a single iteration a frame" "$absent"
+    skip "kitchen, lens covered during frames 200 to 209" "$absent"
 fi
 complete room 300 && within room 0.002
 result "simulated room without noise: all frames tracked, error at most 2 mm" room
 complete small 150 && within small 0.015
 result "simulated room in 80x60 pixels: all frames tracked, error at most 15 mm" small
-[ "$(figure wall lost)" = 0 ] && within wall 0.01
+[ "$(figure_of wall lost)" = 0 ] && within wall 0.01
 result "simulated bare wall: error at most 10 mm, never lost" wall
-[ "$(figure slides tracked)" -lt 200 ]
+[ "$(figure_of slides tracked)" -lt 200 ]
 result "the same without the IMU: it is said that it isn't tracked" slides
 
 [ $failed -eq 0 ]

@@ -3,21 +3,11 @@
 # recordings that can't tell are refused with the reason.
 # Usage: sh tests/e2e/calibrate.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
+. "$(dirname "$0")/../support/command.sh"
+face=$data/face
+motion=$data/motion_combined
 
-build=${1:?usage: sh tests/e2e/calibrate.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-face=$(cd "$(dirname "$0")/../.." && pwd)/../shared/data/face
-motion=$(dirname "$face")/motion_combined
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-calibrate-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-cd "$work" || exit 1
-
-calibrate() {
-    "$fathom" calibrate "$@" --threads 1 >out 2>err
-    status=$?
-}
+calibrate() { run "$fathom" calibrate "$@" --threads 1; }
 
 # near FILE X Y Z DEGREES OFFSET SECONDS: the rig's rotation and clock offset.
 near() {
@@ -35,8 +25,6 @@ near() {
         $1 == "imu_clock_offset" { off = $2 - offset; if (off < 0) off = -off; seen++ }
         END { print "angle " angle ", offset off by " off; exit !(seen == 2 && angle <= most && off <= seconds) }' "$1" >>err
 }
-
-one_error() { [ "$(grep -c -v -e '^fathom: note: ' -e '^fathom: warning: ' err)" -eq 1 ] && grep -q -e "$1" err; }
 
 # rig NAME ROTATION OFFSET OPTIONS...: simulates and calibrates; the result goes to NAME.rig.
 rig() {
@@ -102,8 +90,7 @@ if [ -r "$motion/groundtruth.txt" ]; then
     [ $status -eq 0 ] && near moved.rig "$1" "$2" "$3" 0.5 "$4" 0.001
     check "a hand's motion and a real IMU: within 0.5 degrees and 1 ms of its rig.txt"
 else
-    number=$((number + 1))
-    echo "ok $number - a hand's motion and a real IMU # SKIP ../shared/data/motion_combined isn't there"
+    skip "a hand's motion and a real IMU" "../shared/data/motion_combined isn't there"
 fi
 # ate FILE: of a replay's summary.
 ate() { sed -n 's/.*ate_rmse_m=\([^ ]*\).*/\1/p' "$1"; }
@@ -133,8 +120,7 @@ if [ -r "$face/depth.txt" ]; then
     [ $status -eq 0 ] && near face.rig 0 0 90 2 0.055 0.015 && grep -q '^depth_scale 10000' face.rig
     check "a real phone: within 2 degrees of (0 0 90), 0.040 to 0.070 s"
 else
-    number=$((number + 1))
-    echo "ok $number - a real phone # SKIP ../shared/data/face isn't there"
+    skip "a real phone" "../shared/data/face isn't there"
 fi
 
 [ $failed -eq 0 ]

@@ -2,14 +2,7 @@
 # A scan's outcome doesn't depend on the number of threads: poses, figures, blocks and mesh are the same to the last bit.
 # Usage: sh tests/e2e/determinism.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/determinism.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-determinism-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-cd "$work" || exit 1
+. "$(dirname "$0")/../support/command.sh"
 
 # replay NAME THREADS OPTIONS...: into NAME.txt, NAME.csv (without the times) and NAME.ply.
 replay() {

@@ -2,14 +2,7 @@
 # Devices that can do less than this machine's: a library in between makes the device here say so of itself. (It shows what
 # fathom does about what it is told, not how such a device computes.) Usage: sh tests/e2e/devices.sh BUILD_DIR. Prints TAP.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/devices.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-devices-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-cd "$work" || exit 1
+. "$(dirname "$0")/../support/command.sh"
 
 cat >less.c <<'END'
 #define _GNU_SOURCE
@@ -36,7 +29,7 @@ cl_int clGetDeviceInfo(cl_device_id d, cl_device_info what, size_t size, void *v
 }
 END
 if ! cc -shared -fPIC -w -o less.so less.c -ldl >err 2>&1; then
-    echo "ok 1 - lesser devices # SKIP nothing can be put in between: $(tail -n 1 err)"
+    skip "lesser devices" "nothing can be put in between: $(tail -n 1 err)"
     exit 0
 fi
 

@@ -2,14 +2,7 @@
 # Built kernels from a file: no compiler runs on the board. A trap in the process's way to other programs shows whether one
 # is started. Usage: sh tests/e2e/kernels.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/kernels.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-kernels-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-cd "$work" || exit 1
+. "$(dirname "$0")/../support/command.sh"
 
 cat >trap.c <<'END'
 #include <spawn.h>
@@ -22,7 +15,7 @@ int posix_spawn(pid_t *p, const char *f, const posix_spawn_file_actions_t *x, co
                 char *const e[]) { (void)p, (void)f, (void)x, (void)y, (void)a, (void)e; sprung(); return 1; }
 END
 if ! cc -shared -fPIC -w -o trap.so trap.c >err 2>&1; then
-    echo "ok 1 - built kernels # SKIP no trap can be built: $(tail -n 1 err)"
+    skip "built kernels" "no trap can be built: $(tail -n 1 err)"
     exit 0
 fi
 

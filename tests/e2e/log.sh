@@ -2,26 +2,12 @@
 # Live rigs recorded into a folder, end to end, with recordings in the place of devices.
 # Usage: sh tests/e2e/log.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/log.sh BUILD_DIR}
-build_dir=$(cd "$build" && pwd)
-fathom=$build_dir/fathom
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-log-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-export XDG_CACHE_HOME="$work/cache" POCL_CACHE_DIR="$work/cache/pocl"
-mkdir -p "$work/cache/pocl"
-cd "$work" || exit 1
+. "$(dirname "$0")/../support/command.sh"
+own_caches
 
 # record OPTIONS...: into out, err and $status.
-record() {
-    "$fathom" log "$@" >out 2>err
-    status=$?
-}
+record() { run "$fathom" log "$@"; }
 frames_in() { grep -vc '^#' "$1/depth.txt"; }
-figure() { tail -n 1 out | tr ' ' '\n' | sed -n "s/^$1=//p"; }
-one_error() { [ "$(grep -c -v -e '^fathom: note: ' -e '^fathom: warning: ' err)" -eq 1 ] && grep -q -e "$1" err; }
 
 # same A B: B's frames are A's, pixel for pixel, and its samples are A's up to one beyond the last frame. Stamps to the
 # nanosecond, values as the floats that they are.
@@ -196,8 +182,7 @@ if unshare -rm true 2>/dev/null; then
     [ $status -eq 1 ] && one_error '^fathom: disk/log/.*: No space left on device' && [ "$(frames_in disk-kept)" -ge 5 ] && whole disk-kept
     check "a full disk: the same"
 else
-    number=$((number + 1))
-    echo "ok $number - a full disk: the same # SKIP nothing can be mounted here"
+    skip "a full disk: the same" "nothing can be mounted here"
 fi
 
 if [ -c /dev/full ]; then
@@ -247,7 +232,7 @@ check "--help lists the options"
 
 # ---- a camera by the real libOpenNI2: a virtual one, in a private folder (see test_openni2.c)
 
-virtual=$build_dir/tests/openni2/libVirtualDepth.so.0
+virtual=$build/tests/openni2/libVirtualDepth.so.0
 library=$(ldd "$fathom" | sed -n 's/.*libOpenNI2.so.0 => \([^ ]*\).*/\1/p')
 if [ -f "$virtual" ] && [ -n "$library" ]; then
     mkdir -p private/OpenNI2/Drivers && cp "$library" private/ && cp "$virtual" private/OpenNI2/Drivers/
@@ -259,8 +244,7 @@ if [ -f "$virtual" ] && [ -n "$library" ]; then
         [ "$(frames_in camera)" -eq "$(figure frames)" ] && grep -qx 'depth_scale 1000' camera/rig.txt && touch camera/imu.txt && whole camera
     check "a camera, unplugged: exit 1, the folder whole"
 else
-    number=$((number + 1))
-    echo "ok $number - a camera, unplugged # SKIP built without OpenNI2 or its virtual camera"
+    skip "a camera, unplugged" "built without OpenNI2 or its virtual camera"
 fi
 
 echo "1..$number"

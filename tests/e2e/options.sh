@@ -2,14 +2,7 @@
 # The tables of options: what is promised is taken and in --help, nothing half is taken, and completion and the manual page say
 # the same. Usage: sh tests/e2e/options.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/options.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-options-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-cd "$work" || exit 1
+. "$(dirname "$0")/../support/command.sh"
 
 # What scripts rely on: command, words, options, each with a value. Nothing runs: the last option is unknown, so that reading
 # ends there, and an option that is refused would end it before.
@@ -119,8 +112,7 @@ if command -v bash >/dev/null; then
         [ -z "$(completes replay r --stride fi)" ]
     check "folders and files where they are meant"
 else
-    number=$((number + 1))
-    echo "ok $number - completion lists every command's options # SKIP no bash"
+    skip "completion lists every command's options" "no bash"
 fi
 
 # ---- the manual page
@@ -134,8 +126,7 @@ if command -v groff >/dev/null && [ -n "$(echo .TH | groff -man -Tascii 2>/dev/n
     groff -man -Tascii -ww -b fathom.1 >out 2>err && [ ! -s err ] && [ "$(wc -l <out)" -gt 100 ]
     check "groff renders it without a warning" err
 else
-    number=$((number + 1))
-    echo "ok $number - groff renders the manual page # SKIP no groff"
+    skip "groff renders the manual page" "no groff"
 fi
 
 echo "1..$number"

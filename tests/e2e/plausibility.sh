@@ -3,17 +3,10 @@
 # it, the scan goes on, and its trajectory is as good as without the mistake to within a centimetre.
 # Usage: sh tests/e2e/plausibility.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/plausibility.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-face=$(cd "$(dirname "$0")/../.." && pwd)/../shared/data/face
-[ -x "$fathom" ] || { echo "Bail out! $fathom isn't built"; exit 1; }
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-plausibility-XXXXXX") || exit 1
+. "$(dirname "$0")/../support/command.sh"
+face=$data/face
 lanes=
-trap 'rm -rf "$work"' EXIT
 trap 'trap - INT TERM; [ -z "$lanes" ] || kill $lanes 2>/dev/null; exit 130' INT TERM
-cd "$work" || exit 1
 frames=130
 
 # broken NAME RECORDING AWK OPTIONS...: the recording with each sample ($1 stamp, $2-$4 rad/s, $5-$7 m/s^2) changed, replayed into
@@ -93,8 +86,7 @@ if [ -r "$face/depth.txt" ]; then
     ! grep -q -e gyroscope -e accelerometer -e "IMU" face.err && grep -q "tracked=90 " face.out
     check "a real phone: no warning of its IMU, all frames tracked" face.err face.out
 else
-    number=$((number + 1))
-    echo "ok $number - a real phone # SKIP ../shared/data/face isn't there"
+    skip "a real phone" "../shared/data/face isn't there"
 fi
 echo "1..$number"
 [ $failed -eq 0 ]

@@ -2,41 +2,16 @@
 # Bad input, end to end: what `fathom replay` says, how it exits, and that nothing good is lost.
 # Usage: sh tests/e2e/replay_errors.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/replay_errors.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-replay-errors-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-export XDG_CACHE_HOME="$work/cache" POCL_CACHE_DIR="$work/cache/pocl"
-mkdir -p "$work/cache/pocl"
-cd "$work" || exit 1
+. "$(dirname "$0")/../support/command.sh"
+own_caches
 
 # A fresh copy of the good recording.
 fresh() { rm -rf r && cp -r good r; }
 
 # replay OPTIONS...: into out, err and $status.
-replay() {
-    "$fathom" replay "$@" >out 2>err
-    status=$?
-}
+replay() { run "$fathom" replay "$@"; }
 
-lines() { wc -l <"$1" | tr -d ' '; }
-
-# One line on stderr that is no note and no warning, and it holds the words.
-one_error() { [ "$(grep -c -v -e '^fathom: note: ' -e '^fathom: warning: ' err)" -eq 1 ] && grep -q -e "$1" err; }
-one_warning() { [ "$(grep -c '^fathom: warning: ' err)" -eq 1 ] && grep '^fathom: warning: ' err | grep -q -e "$1"; }
 summary() { tail -n 1 out | grep -q "^frames=$1 tracked="; }
-
-# Whole: the size that the header's counts ask for.
-whole_ply() {
-    [ -s "$1" ] || return 1
-    vertices=$(head -c 1000 "$1" | sed -n 's/^element vertex //p')
-    faces=$(head -c 1000 "$1" | sed -n 's/^element face //p')
-    header=$(LC_ALL=C awk '{ n += length($0) + 1 } /^end_header/ { print n; exit }' "$1")
-    [ "$(($(wc -c <"$1")))" -eq $((header + 24 * vertices + 13 * faces)) ] && [ "$faces" -gt 0 ]
-}
 
 "$fathom" simulate desk good --frames 8 --size 320x240 --still 0 >out 2>err
 status=$?

@@ -2,35 +2,11 @@
 # Live scans, end to end, with recordings in the place of devices; and what fathom says of devices.
 # Usage: sh tests/e2e/scan.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/scan.sh BUILD_DIR}
-build_dir=$(cd "$build" && pwd)
-fathom=$build_dir/fathom
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-scan-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-export XDG_CACHE_HOME="$work/cache" POCL_CACHE_DIR="$work/cache/pocl"
-mkdir -p "$work/cache/pocl"
-cd "$work" || exit 1
+. "$(dirname "$0")/../support/command.sh"
+own_caches
 
 # scan OPTIONS...: into out, err and $status.
-scan() {
-    "$fathom" scan "$@" >out 2>err
-    status=$?
-}
-lines() { wc -l <"$1" | tr -d ' '; }
-figure() { tail -n 1 out | tr ' ' '\n' | sed -n "s/^$1=//p"; }
-one_error() { [ "$(grep -c -v -e '^fathom: note: ' -e '^fathom: warning: ' err)" -eq 1 ] && grep -q -e "$1" err; }
-
-# Whole: the size that the header's counts ask for.
-whole_ply() {
-    [ -s "$1" ] || return 1
-    vertices=$(head -c 1000 "$1" | sed -n 's/^element vertex //p')
-    faces=$(head -c 1000 "$1" | sed -n 's/^element face //p')
-    header=$(LC_ALL=C awk '{ n += length($0) + 1 } /^end_header/ { print n; exit }' "$1")
-    [ "$(($(wc -c <"$1")))" -eq $((header + 24 * vertices + 13 * faces)) ] && [ "$faces" -gt 0 ]
-}
+scan() { run "$fathom" scan "$@"; }
 
 "$fathom" simulate desk rig --frames 60 --size 160x120 --still 0.3 >out 2>err
 check "a recording to scan"
@@ -161,7 +137,7 @@ check "info lists the drivers"
 
 # ---- a camera by the real libOpenNI2: a virtual one, in a private folder (see test_openni2.c)
 
-virtual=$build_dir/tests/openni2/libVirtualDepth.so.0
+virtual=$build/tests/openni2/libVirtualDepth.so.0
 library=$(ldd "$fathom" | sed -n 's/.*libOpenNI2.so.0 => \([^ ]*\).*/\1/p')
 if [ -f "$virtual" ] && [ -n "$library" ]; then
     mkdir -p private/OpenNI2/Drivers && cp "$library" private/ && cp "$virtual" private/OpenNI2/Drivers/
@@ -186,8 +162,7 @@ if [ -f "$virtual" ] && [ -n "$library" ]; then
     check "plugged in again: the scan goes on"
 else
     for text in "devices: cameras" "the first camera" "unplugged" "plugged in again"; do
-        number=$((number + 1))
-        echo "ok $number - $text # SKIP built without OpenNI2 or its virtual camera"
+        skip "$text" "built without OpenNI2 or its virtual camera"
     done
 fi
 

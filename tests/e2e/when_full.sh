@@ -2,22 +2,10 @@
 # A pool that is too small, end to end: what makes room is kept in a file, comes back, and is in the mesh.
 # Usage: sh tests/e2e/when_full.sh BUILD_DIR. Prints TAP; exits 1 when a case failed.
 set -u
-. "$(dirname "$0")/../support/tap.sh"
-
-build=${1:?usage: sh tests/e2e/when_full.sh BUILD_DIR}
-fathom=$(cd "$build" && pwd)/fathom
-work=$(mktemp -d "${TMPDIR:-/tmp}/fathom-when-full-XXXXXX") || exit 1
-trap 'rm -rf "$work"' EXIT
-trap 'exit 1' INT TERM
-export XDG_CACHE_HOME="$work/cache" POCL_CACHE_DIR="$work/cache/pocl" TMPDIR="$work/tmp"
-mkdir -p "$work/cache/pocl" "$work/tmp" "$work/mesh"
-cd "$work" || exit 1
-
-# run COMMAND...: into out, err and $status.
-run() {
-    "$@" >out 2>err
-    status=$?
-}
+. "$(dirname "$0")/../support/command.sh"
+own_caches
+export TMPDIR="$work/tmp"
+mkdir -p "$work/tmp" "$work/mesh"
 
 faces() { head -c 1000 "$1" | sed -n 's/^element face //p'; }
 note() { sed -n "s/^fathom: note: $1\$/\\1/p" err; } # what the words' \(...\) match
@@ -88,8 +76,7 @@ if unshare -m mount -t tmpfs -o size=256k none tiny 2>/dev/null; then
         tail -n 1 out | grep -q '^frames=150 tracked=150 '
     check "a full disk: said once, exit 1, the scan and the trajectory whole"
 else
-    number=$((number + 1))
-    echo "ok $number - a full disk # SKIP no tmpfs can be mounted here"
+    skip "a full disk" "no tmpfs can be mounted here"
 fi
 
 (ulimit -f 700 && exec "$fathom" replay room --voxel 0.02 --memory $memory --when-full drop --trajectory t.txt) >out 2>err

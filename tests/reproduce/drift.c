@@ -172,7 +172,7 @@ int main(int argc, char **argv) {
     if (error != FATHOM_OK) return fail(argv[1], error);
     if (run.recording->pose_count == 0) return fail("groundtruth.txt", FATHOM_ERROR_NO_DATA);
     fathom_recording_configure(run.recording, &config);
-    config.imu_capacity = 1 << 14; /* the longest horizon's samples at once, at up to 3 kHz */
+    config.max_imu_samples = 1 << 14; /* the longest horizon's samples at once, at up to 3 kHz */
     config.log = say;
     const int64_t bytes = fathom_memory_required(&config);
     void *memory = bytes > 0 ? malloc((size_t)bytes) : NULL;

@@ -12,7 +12,7 @@
 
 #include "simulate/counter_random.h"
 #include "fathom/replay/playback.h"
-#include "api/context.h"
+#include "context.h"
 #include "base/covariance.h"
 
 #define DEGREES 57.29577951308232
@@ -78,12 +78,12 @@ static void inject(uint64_t key, int number, struct injection *in) {
 
 static void compare(fathom *f, const pose *at, comparison *k) {
     const fathom_config *c = &f->config;
-    model_view_compare(&f->view, &f->device, &f->maps, &f->raycaster, at, c->agreement_m + c->voxel_m, k);
+    model_view_compare(&f->tracker.view, &f->device, &f->maps, &f->raycaster, at, c->agreement_tolerance_m + c->voxel_m, k);
 }
 
 /* What alignment would say of a pose if it stopped there. */
-static void judge_in_place(fathom *f, const pose *at, const double covariance[36], alignment *icp,
-                           fathom_result *r) {
+static void judge_in_place(fathom *f, const pose *at, const double covariance[36], attempt *a) {
+    alignment *icp = &a->icp;
     const fathom_config *c = &f->config;
     const pose here = pose_identity();
     const double centre[3] = {0, 0, 1.5};
@@ -92,13 +92,12 @@ static void judge_in_place(fathom *f, const pose *at, const double covariance[36
     normal_equations e;
     solution s;
     comparison k;
-    const double sigma = sqrt(covariance[35]), reach = fmax(c->pair_distance_m, 3 * sigma);
-    memset(icp, 0, sizeof *icp);
-    raycast_near(&f->raycaster, &f->device, &f->maps, at, (float)reach, true, &f->aligner.model[FINEST]);
-    align_reduce(&f->aligner, &f->device, &f->maps, FINEST, &here, &f->aligner.model[FINEST], camera, reach,
+    const double sigma = sqrt(covariance[35]), reach = fmax(c->max_pair_distance_m, 3 * sigma);
+    memset(a, 0, sizeof *a);
+    raycast_near(&f->raycaster, &f->device, &f->maps, at, (float)reach, true, &f->tracker.models.level[FINEST]);
+    align_reduce(&f->tracker.aligner, &f->device, &f->maps, FINEST, &here, &f->tracker.models.level[FINEST], camera, reach,
                  c->huber_m, centre, &e);
     icp->motion = *at;
-    icp->level = FINEST;
     icp->pairs = (int)e.pairs;
     icp->overlap = (int)e.overlap;
     icp->pixels = camera->width * camera->height;
@@ -110,10 +109,9 @@ static void judge_in_place(fathom *f, const pose *at, const double covariance[36
         memcpy(icp->covariance, s.covariance, sizeof s.covariance);
     }
     compare(f, at, &k);
-    r->innovation_sigmas = 0;
-    r->verdict = judge(c, icp, 0);
-    if (r->verdict == FATHOM_VERDICT_TRACKING) r->verdict = judge_view(c, &k);
-    if (r->verdict == FATHOM_VERDICT_TRACKING) r->verdict = judge_certainty(c, icp->covariance);
+    a->verdict = judge_alignment(c, icp, 0);
+    if (a->verdict == FATHOM_VERDICT_TRACKING) a->verdict = judge_view(c, &k);
+    if (a->verdict == FATHOM_VERDICT_TRACKING) a->verdict = judge_certainty(c, icp->covariance);
 }
 
 static const char *label_of(double metres, double degrees) {
@@ -126,8 +124,9 @@ static double largest_sigma(const double covariance[36], int from) {
 }
 
 static void print(const struct run *run, int frame, const char *kind, const struct injection *in,
-                  const pose *reference, const alignment *icp, const fathom_result *r) {
+                  const pose *reference, const attempt *a) {
     fathom *f = run->playback.scan;
+    const alignment *icp = &a->icp;
     const pose way = pose_between(reference, &icp->motion);
     const double metres = pose_distance(&way), degrees = DEGREES * pose_angle(&way);
     const kernel_camera *c = &f->maps.camera[0];
@@ -139,30 +138,31 @@ static void print(const struct run *run, int frame, const char *kind, const stru
     printf("%.5f,%.6f,%.3f,%.5f,%.5f,%.5f,%.5f,%.4f,%.3f,%s\n",
            icp->overlap > 0 ? (double)icp->pairs / icp->overlap : 0, icp->rms, icp->condition,
            largest_sigma(icp->covariance, 3), largest_sigma(icp->covariance, 0), k.agree / seen,
-           k.through / seen, k.visible / (c->width * c->height), r->innovation_sigmas,
-           fathom_verdict_name(r->verdict));
+           k.through / seen, k.visible / (c->width * c->height), a->innovation,
+           fathom_verdict_name(a->verdict));
 }
 
-static void candidates(const struct run *run, int frame, const fathom_depth_frame *scan,
-                       const fathom_result *tracked) {
+static void candidates(const struct run *run, int frame, const fathom_result *tracked) {
     fathom *f = run->playback.scan;
     const pose reference = f->pose;
     const uint64_t key = random_key(run->seed, (uint64_t)frame);
     struct injection in = {.off = pose_identity()};
-    alignment icp = {.motion = reference, .pairs = tracked->pairs, .overlap = tracked->overlap_pixels};
-    icp.rms = tracked->rms_m;
-    icp.condition = tracked->condition;
-    memcpy(icp.covariance, f->covariance, sizeof icp.covariance);
-    print(run, frame, "tracked", &in, &reference, &icp, tracked);
+    attempt a = {.icp = {.motion = reference, .pairs = tracked->pairs, .overlap = tracked->overlap_pixels},
+                 .innovation = tracked->innovation_sigmas};
+    a.icp.rms = tracked->rms_m;
+    a.icp.condition = tracked->condition;
+    memcpy(a.icp.covariance, f->covariance, sizeof a.icp.covariance);
+    print(run, frame, "tracked", &in, &reference, &a);
     for (int i = 0; i < ALIGNED + INJECTED; i++) {
-        fathom_result r = {0};
+        align_prior prior = {0};
         inject(key, i, &in);
-        const pose from = pose_multiply(&reference, &in.off);
+        prior.mean = pose_multiply(&reference, &in.off);
+        memcpy(prior.covariance, in.covariance, sizeof prior.covariance);
         if (i < ALIGNED)
-            attempt(f, scan, &from, in.covariance, false, &icp, &r);
+            track_attempt(&f->tracker, &prior.mean, &prior, false, &a);
         else
-            judge_in_place(f, &from, in.covariance, &icp, &r);
-        print(run, frame, i < ALIGNED ? "aligned" : "injected", &in, &reference, &icp, &r);
+            judge_in_place(f, &prior.mean, in.covariance, &a);
+        print(run, frame, i < ALIGNED ? "aligned" : "injected", &in, &reference, &a);
     }
 }
 
@@ -185,7 +185,7 @@ static bool sure(const struct run *run, int64_t stamp_ns) {
     return pose_distance(&off) <= run->within && DEGREES * pose_angle(&off) <= 70 * run->within;
 }
 
-static int track(struct run *run, uint16_t *depth) {
+static int track_all(struct run *run, uint16_t *depth) {
     const fathom_recording *recording = run->recording;
     fathom *f = run->playback.scan;
     puts("recording,frame,kind,label,injected_m,injected_deg,off_m,off_deg,overlap,rms_m,condition,sigma_m,"
@@ -215,9 +215,9 @@ static int track(struct run *run, uint16_t *depth) {
         run->tracked++;
         if (sure(run, now)) {
             run->sure++;
-            if (run->frames % run->each == 0) candidates(run, i, &scan, &r);
+            if (run->frames % run->each == 0) candidates(run, i, &r);
         }
-        fuse(f, &f->pose, &r);
+        fuse(&f->fusing, &f->pose, &r);
     }
     fprintf(stderr, "frames=%d tracked=%d sure=%d\n", run->frames, run->tracked, run->sure);
     return f->device.error != FATHOM_OK;
@@ -251,7 +251,7 @@ int main(int argc, char **argv) {
     if (!failed) {
         uint16_t *depth =
             malloc((size_t)run.recording->width * (size_t)run.recording->height * sizeof *depth);
-        failed = depth ? track(&run, depth) : 1;
+        failed = depth ? track_all(&run, depth) : 1;
         free(depth);
     }
     playback_stop(&run.playback);

@@ -99,7 +99,7 @@ fathom_config synthetic_config(const synthetic_frame *first) {
     c.cy = (float)camera.cy;
     c.depth_units_per_metre = SYNTHETIC_UNITS;
     c.voxel_m = 0.02f;
-    c.blocks = 6000;
+    c.max_blocks = 6000;
     if (first) memcpy(c.first_pose, first->pose, sizeof c.first_pose);
     c.cache_folder = cache;
     return c;

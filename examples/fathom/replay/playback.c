@@ -92,7 +92,7 @@ int playback_start(struct playback *playback, const fathom_recording *recording,
                    fathom_config *config, struct cli_log *log) {
     fathom_recording_configure(recording, config);
     const int capacity = imu_capacity(recording, stride);
-    if (capacity > 4096) config->imu_capacity = capacity;
+    if (capacity > 4096) config->max_imu_samples = capacity;
     config->log = log_message;
     config->log_user = log;
     log_clear(log);

@@ -61,7 +61,7 @@ void help_print(const struct command *command) {
     fputs("\n\n", stdout);
     print_wrapped(command->about, 0, 0);
     for (const struct option_group *group = command->groups; group->rows; group++) {
-        printf("\n%s\n", group->title);
+        if (group->title) printf("\n%s\n", group->title);
         for (const struct option_row *row = group->rows; row->name; row++) print_row(row);
     }
     putchar('\n');

@@ -11,7 +11,9 @@ static void put_text(const char *text) {
     bool begun = true; /* of a line */
     for (; *text; text++) {
         if (begun && (*text == '.' || *text == '\'')) fputs("\\&", stdout);
-        if (*text == '\\')
+        if (*text == '\n')
+            fputs("\n.br\n", stdout);
+        else if (*text == '\\')
             fputs("\\e", stdout);
         else if (*text == '-')
             fputs("\\-", stdout);

@@ -53,7 +53,7 @@ static int distance(const char *a, const char *b) {
 /* The option that was likely meant, or NULL. */
 static const char *nearest(const char *name, const struct option_row *const *rows, int count) {
     const char *best = NULL;
-    int fewest = (int)(strlen(name) - 2) / 3 + 1;
+    int fewest = 1 + (int)(strlen(name) - 2) / 5;
     for (int i = 0; i < count; i++) {
         /* The beginning of a name is as good as one wrong letter. */
         const bool begins = strlen(name) > 4 && !strncmp(rows[i]->name, name, strlen(name));

@@ -31,7 +31,7 @@ struct option_row {
 
 /* A table of options under a title; several commands may share one. */
 struct option_group {
-    const char *title;
+    const char *title;             /* NULL: goes on with the group before */
     const struct option_row *rows; /* NULL ends a command's groups */
     size_t at;                     /* of the table's struct in the command's */
 };

@@ -56,7 +56,7 @@ static bool set_iterations(void *into, const char *option, const char *text) {
             cli_error(CLI_USAGE, "%s: '%s' are not whole numbers", option, text);
             return false;
         }
-        config->iterations[i] = config->seeded_iterations[i] = count;
+        config->max_iterations[i] = config->max_seeded_iterations[i] = count;
         sum += count;
     }
     if (!sum) cli_error(CLI_USAGE, "%s: '%s' leaves no iteration at all", option, text);
@@ -69,8 +69,8 @@ static bool set_preset(void *into, const char *option, const char *text) {
     int choice;
     if (!parse_choice(option, text, "tiny|small|large", &choice)) return false;
     const fathom_config c = fathom_config_preset((fathom_preset)choice);
-    settings->config.align_most = c.align_most;
-    if (settings->memory == 0) settings->config.memory_cap_bytes = c.memory_cap_bytes;
+    settings->config.max_align_width = c.max_align_width;
+    if (settings->memory == 0) settings->config.max_memory_bytes = c.max_memory_bytes;
     if (settings->voxel == 0) settings->config.voxel_m = c.voxel_m;
     settings->preset = true;
     return true;
@@ -104,7 +104,7 @@ static bool set_voxel(void *into, const char *option, const char *text) {
 static bool set_memory(void *into, const char *option, const char *text) {
     struct settings *settings = into;
     if (!cli_parse_double(option, text, 1, 1 << 20, &settings->memory)) return false;
-    settings->config.memory_cap_bytes = (int64_t)(settings->memory * (1 << 20));
+    settings->config.max_memory_bytes = (int64_t)(settings->memory * (1 << 20));
     return true;
 }
 

@@ -19,7 +19,7 @@
 void inertial_check_reset(inertial *n) {
     n->usable = n->config->imu;
     n->force_usable = n->config->imu_translation;
-    plausibility_start(&n->check, n->samples.rotation, n->config->gravity);
+    plausibility_start(&n->check, n->samples.rotation, n->config->gravity_m_s2);
     n->told[0] = n->told[1] = FATHOM_IMU_UNCHECKED;
     n->base_ns = n->accepted_ns = INT64_MIN;
     n->moving = false;
@@ -162,7 +162,7 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
     if (!c->imu_check) return;
     if (aligned) add_evidence(n, aligned, timestamp_ns);
     if (accepted) {
-        pose now = n->corrected;
+        pose now = n->now.corrected;
         n->moving = n->accepted_ns != INT64_MIN;
         double dt = n->moving ? 1e-9 * (double)(timestamp_ns - n->accepted_ns) : 1;
         for (int k = 0; k < 3; k++) n->velocity[k] = (now.t[k] - n->accepted.t[k]) / dt;
@@ -188,17 +188,17 @@ bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, 
         timestamp_ns - n->accepted_ns > GUESS_NS)
         return false;
     double dt = 1e-9 * (double)(timestamp_ns - n->accepted_ns), twist[6] = {0};
-    for (int k = 0; n->moving && k < 3; k++) twist[k] = n->turning[k] * dt;
+    for (int k = 0; n->moving && k < 3; k++) twist[k] = n->now.turning[k] * dt;
     pose turned = pose_exp(twist);
     *guess = pose_multiply(&n->accepted, &turned);
     for (int k = 0; n->moving && k < 3; k++) guess->t[k] += n->velocity[k] * dt;
     pose apart = pose_between(seed, guess);
     if (pose_angle(&apart) < SAME_RAD && pose_distance(&apart) < SAME_M) return false;
-    double turning = n->moving ? c->motion_turn_sigma * dt : START_TURN; /* what the rates may be off by */
-    double speed = n->moving ? c->motion_accel_sigma * dt : START_SPEED;
+    double turning = n->moving ? c->motion_sigma_rad_s2 * dt : START_TURN; /* what the rates may be off by */
+    double speed = n->moving ? c->motion_sigma_m_s2 * dt : START_SPEED;
     memset(covariance, 0, 36 * sizeof *covariance);
     for (int k = 0; k < 6; k++)
-        covariance[7 * k] = k < 3 ? pow(c->seed_floor_rad, 2) + pow(turning * dt, 2)
-                                  : pow(c->seed_floor_m, 2) + pow(speed * dt, 2);
+        covariance[7 * k] = k < 3 ? pow(c->seed_noise_rad, 2) + pow(turning * dt, 2)
+                                  : pow(c->seed_noise_m, 2) + pow(speed * dt, 2);
     return true;
 }

@@ -19,7 +19,7 @@ int main(void) {
     c.depth_camera.cx = 31.5f;
     c.depth_camera.cy = 23.5f;
     c.voxel_m = 0.04f;
-    c.memory_cap_bytes = 32 << 20;
+    c.max_memory_bytes = 32 << 20;
     c.imu = false;
     char why[256];
     fathom *scan = NULL;

@@ -209,7 +209,7 @@ static void contexts_side_by_side_are_as_one_after_another(void **state) {
     (void)state;
     fathom_config near = logged(), far = near;
     far.voxel_m = 0.03f; /* another scan: other settings, frames the other way round */
-    far.blocks = 3000;
+    far.max_blocks = 3000;
     memcpy(far.first_pose, frames[FRAMES - 1].pose, sizeof far.first_pose);
     fathom_result alone[2][FRAMES];
     synthetic_frame back[FRAMES];

@@ -93,27 +93,27 @@ static void memory_follows_the_settings(void **state) {
     (void)state;
     fathom_config c = logged();
     fathom_memory_plan few, many;
-    c.blocks = 64;
+    c.max_blocks = 64;
     assert_int_equal(fathom_memory_plan_for(&c, &few), FATHOM_OK);
-    c.blocks = 2112;
+    c.max_blocks = 2112;
     assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
     int64_t more = many.host_bytes + many.device_bytes - few.host_bytes - few.device_bytes;
     assert_true(more >= 2048 * 2048 && more < 2048 * 2200);
-    c.blocks = 0; /* what the cap leaves */
-    c.memory_cap_bytes = 20 << 20;
+    c.max_blocks = 0; /* what the cap leaves */
+    c.max_memory_bytes = 20 << 20;
     assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
-    assert_true(many.host_bytes + many.device_bytes <= c.memory_cap_bytes && many.blocks > 2000);
-    c.memory_cap_bytes = (int64_t)1 << 46; /* more than a pool can have */
+    assert_true(many.host_bytes + many.device_bytes <= c.max_memory_bytes && many.blocks > 2000);
+    c.max_memory_bytes = (int64_t)1 << 46; /* more than a pool can have */
     assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
     assert_int_equal(many.blocks, 16777216);
     assert_int_equal(kept.errors, 0);
 
-    c.memory_cap_bytes = 1 << 20; /* not even the maps */
+    c.max_memory_bytes = 1 << 20; /* not even the maps */
     assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_MEMORY);
     assert_int_equal(kept.errors, 1);
-    assert_non_null(strstr(kept.text, "memory_cap_bytes"));
-    c.memory_cap_bytes = 20 << 20; /* more blocks than the cap holds */
-    c.blocks = 20000;
+    assert_non_null(strstr(kept.text, "max_memory_bytes"));
+    c.max_memory_bytes = 20 << 20; /* more blocks than the cap holds */
+    c.max_blocks = 20000;
     assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_MEMORY);
     assert_int_equal(kept.errors, 2);
 }
@@ -257,30 +257,30 @@ static const bad_setting bad_settings[] = {
     FLOAT(distortion[3], -1e6, 1e6),
     FLOAT(distortion[4], -1e6, 1e6),
     FLOAT(depth_units_per_metre, 0, INFINITY),
-    FLOAT(depth_min_m, -1, 1e9),
-    FLOAT(depth_max_m, 0.1, INFINITY),
+    FLOAT(min_depth_m, -1, 1e9),
+    FLOAT(max_depth_m, 0.1, INFINITY),
     FLOAT(depth_noise_base_m, 0, 10),
-    FLOAT(depth_noise_growth, -0.1, 10),
+    FLOAT(depth_noise_growth_per_m, -0.1, 10),
     INT(align_width, -1, 1 << 20),
     INT(align_height, -1, 1 << 20),
-    INT(align_most, 15, 4097),
-    INT(iterations[0], -1, 101),
-    INT(iterations[1], -1, 101),
-    INT(iterations[2], -1, 101),
-    INT(seeded_iterations[0], -1, 101),
-    INT(seeded_iterations[1], -1, 101),
-    INT(seeded_iterations[2], -1, 101),
-    FLOAT(seeded_sigma_m, -1, 1e9),
-    FLOAT(keep_model_m, -1, INFINITY),
-    FLOAT(keep_model_rad, -1, INFINITY),
-    FLOAT(evident_pairs, -1, INFINITY),
-    FLOAT(evident_sigmas, -1, INFINITY),
-    FLOAT(pair_distance_m, 0, 100),
-    FLOAT(pair_angle_rad, 0, 4),
+    INT(max_align_width, 15, 4097),
+    INT(max_iterations[0], -1, 101),
+    INT(max_iterations[1], -1, 101),
+    INT(max_iterations[2], -1, 101),
+    INT(max_seeded_iterations[0], -1, 101),
+    INT(max_seeded_iterations[1], -1, 101),
+    INT(max_seeded_iterations[2], -1, 101),
+    FLOAT(max_seed_sigma_m, -1, 1e9),
+    FLOAT(max_model_reuse_m, -1, INFINITY),
+    FLOAT(max_model_reuse_rad, -1, INFINITY),
+    FLOAT(min_evident_fraction, -1, INFINITY),
+    FLOAT(max_evident_sigmas, -1, INFINITY),
+    FLOAT(max_pair_distance_m, 0, 100),
+    FLOAT(max_pair_angle_rad, 0, 4),
     FLOAT(huber_m, 0, INFINITY),
-    FLOAT(stop_rotation_rad, -1, 10),
-    FLOAT(stop_translation_m, -1, 10),
-    FLOAT(stop_error_fall, -INFINITY, 10),
+    FLOAT(min_update_rad, -1, 10),
+    FLOAT(min_update_m, -1, 10),
+    FLOAT(min_error_decrease, -INFINITY, 10),
     FLOAT(min_overlap, -0.1, 1.1),
     INT(min_pairs, -1, 2000000000),
     FLOAT(max_rms_m, 0, INFINITY),
@@ -288,24 +288,24 @@ static const bad_setting bad_settings[] = {
     FLOAT(max_innovation_sigmas, 0, INFINITY),
     FLOAT(voxel_m, 0, 2),
     FLOAT(truncation_m, -1, 100),
-    INT(blocks, 63, 16777217),
+    INT(max_blocks, 63, 16777217),
     FLOAT(max_weight, 0, 10000),
-    {"memory_cap_bytes", offsetof(fathom_config, memory_cap_bytes), 'l', 0, 2e15},
+    {"max_memory_bytes", offsetof(fathom_config, max_memory_bytes), 'l', 0, 2e15},
     FLOAT(imu_to_camera_translation[0], -100, 100),
     FLOAT(imu_to_camera_translation[1], -100, 100),
     FLOAT(imu_to_camera_translation[2], -100, 100),
     {"imu_clock_offset_ns", offsetof(fathom_config, imu_clock_offset_ns), 'l', -5e18, 5e18},
-    FLOAT(gravity, -1, 1000),
-    FLOAT(gyro_noise, -1, 100),
-    FLOAT(gyro_bias_sigma, -1, 100),
-    FLOAT(accel_noise, -1, 1000),
-    FLOAT(accel_bias_sigma, -1, 1000),
-    FLOAT(seed_floor_rad, 0, 100),
-    FLOAT(seed_floor_m, 0, 100),
-    FLOAT(motion_accel_sigma, -1, 10000),
-    FLOAT(motion_turn_sigma, -1, 10000),
-    FLOAT(lost_sigma_m, 0, 1e6),
-    INT(imu_capacity, -1, 1 << 30),
+    FLOAT(gravity_m_s2, -1, 1000),
+    FLOAT(gyro_noise_rad_s_sqrthz, -1, 100),
+    FLOAT(gyro_bias_sigma_rad_s, -1, 100),
+    FLOAT(accel_noise_m_s2_sqrthz, -1, 1000),
+    FLOAT(accel_bias_sigma_m_s2, -1, 1000),
+    FLOAT(seed_noise_rad, 0, 100),
+    FLOAT(seed_noise_m, 0, 100),
+    FLOAT(motion_sigma_m_s2, -1, 10000),
+    FLOAT(motion_sigma_rad_s2, -1, 10000),
+    FLOAT(max_reckoned_sigma_m, 0, 1e6),
+    INT(max_imu_samples, -1, 1 << 30),
     {"against", offsetof(fathom_config, against), 'i', -1, 2},
     {"when_full", offsetof(fathom_config, when_full), 'i', -1, 2},
     {"buffers", offsetof(fathom_config, buffers), 'i', -1, 3},
@@ -354,11 +354,11 @@ static void settings_that_disagree_are_refused(void **state) {
     c.struct_size = 0; /* not from fathom_config_default() */
     assert_refused(&c, "fathom_config_default");
     c = logged();
-    memset(c.iterations, 0, sizeof c.iterations);
+    memset(c.max_iterations, 0, sizeof c.max_iterations);
     assert_refused(&c, "iterations");
     c = logged();
-    memset(c.seeded_iterations, 0, sizeof c.seeded_iterations);
-    assert_refused(&c, "seeded_iterations");
+    memset(c.max_seeded_iterations, 0, sizeof c.max_seeded_iterations);
+    assert_refused(&c, "max_seeded_iterations");
     c = logged();
     c.first_pose[0] = 2;
     assert_refused(&c, "first_pose");

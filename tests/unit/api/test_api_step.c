@@ -390,7 +390,7 @@ static void an_outage_is_reckoned_and_found_back_from(void **state) {
 static void a_long_outage_is_called_lost(void **state) {
     (void)state;
     fathom_config c = logged();
-    c.lost_sigma_m = 0.2f;
+    c.max_reckoned_sigma_m = 0.2f;
     synthetic_context s = synthetic_start(&c);
     for (int i = 0; i < 4; i++) synthetic_step(s.scan, &frames[i]);
     bool lost = false;

@@ -332,7 +332,7 @@ static void a_full_pool_is_said_and_tracking_goes_on(void **state) {
     (void)state;
     fathom_config c = logged();
     fathom_counters counters;
-    c.blocks = 64;
+    c.max_blocks = 64;
     c.voxel_m = 0.04f;
     synthetic_context s = synthetic_start(&c);
     for (int i = 0; i < FRAMES; i++) {
@@ -380,7 +380,7 @@ static void a_full_pool_harms_nothing_that_was_fused(void **state) {
     c.against = FATHOM_AGAINST_PREVIOUS;
     c.voxel_m = 0.04f;
     synthetic_context large = synthetic_start(&c);
-    c.blocks = 64;
+    c.max_blocks = 64;
     synthetic_context small = synthetic_start(&c);
     for (int i = 0; i < FRAMES; i++) {
         fathom_result a = synthetic_step(large.scan, &frames[i]), b = synthetic_step(small.scan, &frames[i]);

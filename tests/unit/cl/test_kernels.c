@@ -17,7 +17,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "api/context.h"
+#include "context.h"
 #include "map/mesh.h"
 #include "kernel_checks_real.h"
 #include "selftest/kernel_checks_bench.h"
@@ -131,7 +131,7 @@ static int print_digest(const char *name) {
     c.cx = 79.5f;
     c.cy = 59.5f;
     c.voxel_m = 0.02f;
-    c.blocks = 4000;
+    c.max_blocks = 4000;
     c.device = name;
     c.imu = false;
     c.log = to_stderr;
@@ -155,9 +155,9 @@ static int print_digest(const char *name) {
         digest_bytes(&h, r.pose, sizeof r.pose);
         digest_bytes(&h, r.covariance, sizeof r.covariance);
         digest_bytes(&h, r.singular_values, sizeof r.singular_values);
-        void *sums = device_map(&f->device, &f->aligner.sums, CL_MAP_READ);
+        void *sums = device_map(&f->device, &f->tracker.aligner.sums, CL_MAP_READ);
         if (i > 0 && sums) digest_bytes(&h, sums, (size_t)HEIGHT * SUMS * 4);
-        device_unmap(&f->device, &f->aligner.sums, sums);
+        device_unmap(&f->device, &f->tracker.aligner.sums, sums);
         void *blocks = device_map(&f->device, &f->volume.pool.keys, CL_MAP_READ);
         if (blocks) digest_bytes(&h, blocks, (size_t)f->volume.pool.count * sizeof(cl_int4));
         device_unmap(&f->device, &f->volume.pool.keys, blocks);

@@ -229,6 +229,32 @@ static void power_and_interval_are_set(void **state) {
     assert_int_equal(hid_sensor_prepare(&descriptor, HID_SENSOR_GYROMETER_3D, 2, 0.005, report, 4), 2);
 }
 
+/* Ticks of a tenth of a millisecond: seconds by 10^-4, or milliseconds by 10^-1. */
+static void the_interval_is_asked_for_in_the_units_exponent(void **state) {
+    (void)state;
+    const struct {
+        uint32_t unit;
+        int exponent, ticks;
+    } cases[] = {{0x1001, -4, 50}, {0x1001, -3, 5}, {0x1001, 0, 1}, {0, -1, 50}, {0, 0, 5}, {0x19, -3, 5000}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        uint8_t report[3] = {7};
+        begin();
+        open_sensor(0x76, 7);
+        item(0x14, 0, 1);
+        item(0x24, 32767, 2);
+        item(0x64, cases[i].unit, 4);
+        item(0x54, (uint32_t)(cases[i].exponent & 15), 1);
+        item(0x74, 16, 1);
+        item(0x94, 1, 1);
+        item(0x08, 0x30E, 2); /* report interval */
+        item(0xB0, 2, 1);
+        close_sensor();
+        assert_true(hid_descriptor_parse(&descriptor, items, item_bytes));
+        assert_int_equal(hid_sensor_prepare(&descriptor, HID_SENSOR_GYROMETER_3D, 7, 0.005, report, sizeof report), 1);
+        assert_int_equal(report[1] | report[2] << 8, cases[i].ticks);
+    }
+}
+
 /* The recording: lies on its back for 0.8 s, is tilted about, lies again from 6.6 s on. */
 #define REAL 1024
 static struct { double at, gyro[3], accel[3]; } real[REAL];
@@ -326,6 +352,7 @@ int main(void) {
         cmocka_unit_test(both_in_one_report),
         cmocka_unit_test(two_axes_are_no_sensor),
         cmocka_unit_test(power_and_interval_are_set),
+        cmocka_unit_test(the_interval_is_asked_for_in_the_units_exponent),
         cmocka_unit_test(a_real_device),
         cmocka_unit_test(a_real_devices_gyrometer_agrees_with_its_accelerometer),
     };

@@ -190,6 +190,44 @@ static void losses_are_counted(void **state) {
     assert_int_equal(counts().lost, 7);
 }
 
+/* Only the gyroscope's do, although the accelerometer's arrive sooner. */
+static void accelerometer_reports_dont_teach_the_clock(void **state) {
+    (void)state;
+    for (int i = 0; i < 400; i++) {
+        imu_reading r = at(true, false, i * 5 * MS);
+        imu_stream_take(&stream, &r, 1000 * MS + i * 5 * MS + 5 * MS);
+        r = at(false, true, i * 5 * MS + MS);
+        imu_stream_take(&stream, &r, 1000 * MS + i * 5 * MS + 2 * MS);
+    }
+    assert_true(fabs(counts().clock_offset_s - 1.005) < 1e-6);
+}
+
+static fathom_imu_sample paired[8];
+static int pairs;
+
+static void keep_pair(void *user, const fathom_imu_sample *sample) {
+    (void)user;
+    paired[pairs++] = *sample;
+}
+
+static void across_a_long_gap_the_accelerometer_isnt_interpolated(void **state) {
+    (void)state;
+    imu_pair pair;
+    const double one[3] = {1, 1, 1}, three[3] = {3, 3, 3};
+    for (int gap_ms = 90; gap_ms <= 300; gap_ms += 210) {
+        imu_pair_init(&pair, keep_pair, NULL);
+        pairs = 0;
+        assert_true(imu_pair_accel(&pair, 1000 * MS, one));
+        assert_true(imu_pair_gyro(&pair, (1000 + gap_ms / 2) * MS, one));
+        assert_true(imu_pair_accel(&pair, (1000 + gap_ms) * MS, three));
+        assert_int_equal(pairs, 1);
+        if (gap_ms == 90)
+            assert_true(fabsf(paired[0].accel[1] - 2) < 1e-6f);
+        else
+            assert_true(isnan(paired[0].accel[0]) && isnan(paired[0].accel[2]));
+    }
+}
+
 /* ---- IIO ---- */
 
 static void iio_formats(void **state) {
@@ -284,6 +322,8 @@ int main(void) {
         QUEUED(repeated_and_late_ones_are_dropped),
         QUEUED(a_clock_that_starts_again_is_followed),
         QUEUED(losses_are_counted),
+        QUEUED(accelerometer_reports_dont_teach_the_clock),
+        cmocka_unit_test(across_a_long_gap_the_accelerometer_isnt_interpolated),
         cmocka_unit_test(iio_formats),
         cmocka_unit_test(mount_matrices),
         cmocka_unit_test(uris),

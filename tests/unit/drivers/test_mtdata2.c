@@ -128,6 +128,27 @@ static void increments_become_rates(void **state) {
     assert_int_equal(mtdata2_read(&s, data, used, 1, &r), MTDATA2_OTHER); /* no rotation */
 }
 
+/* An increment is over one period, however many messages are missing before it. */
+static void after_a_lost_message_increments_keep_their_rate(void **state) {
+    (void)state;
+    mtdata2_state s = {0};
+    imu_reading r;
+    const uint16_t packets[] = {0, 1, 3, 6, 7};
+    const double turn = 0.02, q[4] = {cos(turn / 2), 0, 0, sin(turn / 2)}, v[3] = {0, 0, 0.098};
+    for (int i = 0; i < 5; i++) {
+        begin(packets[i], (uint32_t)(1000 + 100 * packets[i])); /* 10 ms apart */
+        item(0x8033, 4, q);
+        item(0x4013, 3, v);
+        const mtdata2_result result = mtdata2_read(&s, data, used, 1 + packets[i] * 10000000, &r);
+        assert_int_equal(result, i ? MTDATA2_READING : MTDATA2_OTHER);
+        if (!i) continue;
+        assert_int_equal(r.lost, packets[i] - packets[i - 1] - 1);
+        assert_true(fabs(r.gyro[0][2] - 2) < 1e-9);
+        assert_true(fabs(r.accel[0][2] - 9.8) < 1e-9);
+        assert_int_equal(r.device_ns[0], 100000000 + packets[i] * 10000000 - 5000000);
+    }
+}
+
 static void broken_data_is_refused(void **state) {
     (void)state;
     mtdata2_state s = {0};
@@ -241,6 +262,7 @@ int main(void) {
         cmocka_unit_test(every_number_format),     cmocka_unit_test(counters_and_time),
         cmocka_unit_test(increments_become_rates), cmocka_unit_test(broken_data_is_refused),
         cmocka_unit_test(messages_in_any_pieces),  cmocka_unit_test(damaged_messages_cost_only_themselves),
+        cmocka_unit_test(after_a_lost_message_increments_keep_their_rate),
         cmocka_unit_test(building_has_limits),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

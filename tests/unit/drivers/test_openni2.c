@@ -16,6 +16,7 @@
 
 #include "recording/image_file.h"
 #include "monotonic.h"
+#include "source_contract.h"
 #include "camera/openni2_internal.h"
 #include "camera/openni2_oni.h"
 
@@ -528,6 +529,12 @@ static void a_recording_plays_back_the_same_pixels(void **state) {
     fathom_source_close(source);
 }
 
+static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
+    (void)state;
+    check_source_contract("openni2:VIRTUAL-1", NULL);
+    check_source_contract("openni2:scan.oni", NULL);
+}
+
 static void a_recording_plays_at_its_pace(void **state) {
     (void)state;
     int result;
@@ -727,6 +734,7 @@ int main(int count, char **arguments) {
         cmocka_unit_test_setup(a_wait_is_cancelled_at_once, start_test),
         cmocka_unit_test_setup(many_openings_leave_nothing, start_test),
         cmocka_unit_test_setup(a_recording_plays_back_the_same_pixels, start_test),
+        cmocka_unit_test_setup(a_second_start_is_refused_and_the_source_goes_on, start_test),
         cmocka_unit_test_setup(a_recording_plays_at_its_pace, start_test),
         cmocka_unit_test_setup(a_recording_that_was_cut, start_test),
         cmocka_unit_test_setup(a_damaged_recording_ends_with_an_error, start_test),

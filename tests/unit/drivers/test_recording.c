@@ -301,13 +301,13 @@ static void test_rig(void **state) {
     for (int i = 0; i < 9; i++) assert_float_equal(r->imu_to_camera_rotation[i], turned[i], 1e-12);
     assert_true(r->has_color_intrinsics);
     assert_float_equal(r->color_to_depth_translation[0], 0.025, 0);
-    fathom_config config = {.gravity = 9.80665f};
+    fathom_config config = {.gravity_m_s2 = 9.80665f};
     fathom_recording_configure(r, &config);
     assert_int_equal(config.depth_width, WIDTH);
     assert_float_equal(config.fy, 61, 0);
     assert_float_equal(config.depth_units_per_metre, 2000, 0);
     assert_float_equal(config.imu_to_camera_translation[1], -0.02f, 0);
-    assert_float_equal(config.gravity, 9.81f, 0);
+    assert_float_equal(config.gravity_m_s2, 9.81f, 0);
     assert_true(config.imu_clock_offset_ns == -4000000);
     fathom_recording_close(r);
 

@@ -18,6 +18,7 @@
 #include "fathom_drivers.h"
 #include "recording/image_file.h"
 #include "monotonic.h"
+#include "source_contract.h"
 #include "source_queue.h"
 
 #define WIDTH 32
@@ -62,6 +63,14 @@ static FILE *create(const char *file) {
     return out;
 }
 
+static void write_samples(double from_s, double period_s, int count, double offset_s) {
+    FILE *imu = create("imu.txt"), *rig = create("rig.txt");
+    for (int i = 0; i < count; i++) fprintf(imu, "%.6f %d 0 0 0 0 9.8\n", from_s + period_s * i - offset_s, i);
+    fprintf(rig, "depth_scale 1000\nimu_clock_offset %g\nimu_to_camera_rotation 0 0 90\n", offset_s);
+    fclose(imu);
+    fclose(rig);
+}
+
 static int make_folder(void **state) {
     (void)state;
     char path[512], error[256];
@@ -70,18 +79,15 @@ static int make_folder(void **state) {
     if (!mkdtemp(folder)) return -1;
     snprintf(path, sizeof path, "%s/depth", folder);
     if (mkdir(path, 0700)) return -1;
-    FILE *list = create("depth.txt"), *imu = create("imu.txt"), *rig = create("rig.txt");
+    FILE *list = create("depth.txt");
     for (int f = 0; f < FRAMES; f++) {
         for (int i = 0; i < WIDTH * HEIGHT; i++) pixels[i] = pixel_of(f, i);
         snprintf(path, sizeof path, "%s/depth/%02d.png", folder, f);
         if (image_write_gray16(path, pixels, WIDTH, HEIGHT, error, sizeof error)) return -1;
         fprintf(list, "%.6f depth/%02d.png\n", 10 + f * 0.033, f);
     }
-    for (int i = 0; i < SAMPLES; i++) fprintf(imu, "%.6f %d 0 0 0 0 9.8\n", 9.95 + 0.004 * i - 0.001, i);
-    fprintf(rig, "depth_scale 1000\nimu_clock_offset 0.001\nimu_to_camera_rotation 0 0 90\n");
     fclose(list);
-    fclose(imu);
-    fclose(rig);
+    write_samples(9.95, 0.004, SAMPLES, 0.001);
     return 0;
 }
 
@@ -264,6 +270,25 @@ static void the_oldest_gives_way_and_is_counted(void **state) {
     assert_int_equal(status.state, FATHOM_SOURCE_RUNNING);
     source_queue_stop(&queue);
     assert_int_equal(source_queue_wait(&queue, 10), FATHOM_ERROR_ARGUMENT); /* not started */
+    source_queue_free(&queue);
+}
+
+/* The reader gives back a slot of a lower number meanwhile. */
+static void the_slot_to_fill_is_the_same_until_it_is_pushed(void **state) {
+    (void)state;
+    fathom_source_frame frame;
+    assert_int_equal(source_queue_make(&queue, 0, 2, WIDTH, HEIGHT, false), FATHOM_OK);
+    source_queue_start(&queue);
+    push_frame(0);
+    push_frame(1);
+    assert_int_equal(source_queue_read_depth(&queue, &frame), FATHOM_OK);
+    source_slot *slot = source_queue_next_frame(&queue);
+    assert_ptr_equal(source_queue_next_frame(&queue), slot);
+    assert_int_equal(source_queue_read_depth(&queue, &frame), FATHOM_OK);
+    assert_ptr_equal(source_queue_next_frame(&queue), slot);
+    source_queue_push_frame(&queue, slot);
+    assert_ptr_not_equal(source_queue_next_frame(&queue), slot);
+    source_queue_stop(&queue);
     source_queue_free(&queue);
 }
 
@@ -530,6 +555,49 @@ static void one_kind_only(void **state) {
     fathom_source_close(source);
 }
 
+static void at_a_pace_samples_come_when_they_are_due_on_the_depth_clock(void **state) {
+    (void)state;
+    write_samples(9.95, 0.004, SAMPLES, 5);
+    fathom_source *source = open_folder((fathom_source_options){.speed = 1, .kinds = FATHOM_SOURCE_IMU});
+    const int64_t start_ns = monotonic_now_ns();
+    assert_int_equal(fathom_source_start(source), FATHOM_OK);
+    for (int i = 0; i < 10; i++) {
+        usleep(10000);
+        const int64_t samples = status_of(source).samples;
+        assert_true((double)samples <= seconds_since(start_ns) / 0.004 + 1);
+    }
+    assert_int_equal(fathom_source_wait(source, 1000), FATHOM_OK); /* and no later */
+    fathom_source_close(source);
+    write_samples(9.95, 0.004, SAMPLES, 0.001);
+}
+
+/* With frame_capacity 1 the folder waits for the reader when it has the samples for the second frame. */
+static void samples_come_before_a_frame_by_the_depth_clock(void **state) {
+    (void)state;
+    write_samples(9.95, 0.004, SAMPLES, 0.1);
+    fathom_source *source = open_folder((fathom_source_options){.frame_capacity = 1});
+    assert_int_equal(fathom_source_start(source), FATHOM_OK);
+    for (int i = 0; i < 500 && status_of(source).frames < 1; i++) usleep(2000);
+    usleep(50000);
+    /* 9.950, 9.954 ... 10.030, and one beyond the frame at 10.033 */
+    assert_int_equal(status_of(source).samples, 22);
+    fathom_source_close(source);
+    write_samples(9.95, 0.004, SAMPLES, 0.001);
+}
+
+static void samples_from_more_than_ten_seconds_before_the_first_frame_are_left_out(void **state) {
+    (void)state;
+    fathom_imu_sample sample;
+    write_samples(-5, 0.1, 160, 0.25);
+    fathom_source *source = open_folder((fathom_source_options){0});
+    assert_int_equal(fathom_source_start(source), FATHOM_OK);
+    assert_int_equal(fathom_source_wait(source, 1000), FATHOM_OK);
+    while (fathom_source_read_imu(source, &sample, 1) == 0) usleep(1000);
+    assert_int_equal((int)sample.gyro[0], 50); /* at 0 s on the depth clock */
+    fathom_source_close(source);
+    write_samples(9.95, 0.004, SAMPLES, 0.001);
+}
+
 /* A frame cut short is left out, and the recording goes on. */
 static void a_damaged_frame_is_counted(void **state) {
     (void)state;
@@ -550,6 +618,11 @@ static void a_damaged_frame_is_counted(void **state) {
     assert_int_equal(log_warnings, 1);
     assert_non_null(strstr(log_text, "07.png"));
     fathom_source_close(source);
+}
+
+static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
+    (void)state;
+    check_source_contract(folder, NULL);
 }
 
 /* Stopped and closed at any moment. */
@@ -573,6 +646,7 @@ int main(void) {
         cmocka_unit_test(null_sources_are_refused),
         cmocka_unit_test(every_driver_is_named),
         cmocka_unit_test(the_oldest_gives_way_and_is_counted),
+        cmocka_unit_test(the_slot_to_fill_is_the_same_until_it_is_pushed),
         cmocka_unit_test(what_is_left_is_read_before_the_end),
         cmocka_unit_test(a_device_that_comes_back),
         cmocka_unit_test(silence_is_a_stall),
@@ -581,7 +655,11 @@ int main(void) {
         cmocka_unit_test_setup(at_full_speed_nothing_is_dropped, clear_log),
         cmocka_unit_test_setup(at_a_pace_it_takes_its_time, clear_log),
         cmocka_unit_test_setup(at_a_pace_a_slow_reader_loses_frames, clear_log),
+        cmocka_unit_test_setup(at_a_pace_samples_come_when_they_are_due_on_the_depth_clock, clear_log),
+        cmocka_unit_test_setup(samples_come_before_a_frame_by_the_depth_clock, clear_log),
+        cmocka_unit_test_setup(samples_from_more_than_ten_seconds_before_the_first_frame_are_left_out, clear_log),
         cmocka_unit_test_setup(one_kind_only, clear_log),
+        cmocka_unit_test_setup(a_second_start_is_refused_and_the_source_goes_on, clear_log),
         cmocka_unit_test_setup(it_can_be_closed_at_any_time, clear_log),
         cmocka_unit_test_setup(a_damaged_frame_is_counted, clear_log),
     };

@@ -12,12 +12,39 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <stdatomic.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "fathom_drivers.h"
 #include "monotonic.h"
 #include "imu/udp_lines.h"
+#include "source_contract.h"
+
+/* ---- the kernel, where the tests need another one: a clock that is ahead, datagrams that it dropped ---- */
+
+static atomic_llong ahead_ns;
+
+int clock_gettime(clockid_t clock, struct timespec *time) {
+    const int result = (int)syscall(SYS_clock_gettime, clock, time);
+    time->tv_sec += ahead_ns / 1000000000;
+    return result;
+}
+
+static atomic_uint overflows; /* as SO_RXQ_OVFL counts them; 0: says nothing */
+
+ssize_t recvmsg(int socket, struct msghdr *message, int flags) {
+    const ssize_t length = syscall(SYS_recvmsg, socket, message, flags);
+    assert_true((uintptr_t)message->msg_control % _Alignof(struct cmsghdr) == 0);
+    if (length < 0 || !overflows) return length;
+    const unsigned count = overflows;
+    struct cmsghdr *header = message->msg_control;
+    *header = (struct cmsghdr){.cmsg_len = CMSG_LEN(sizeof count), .cmsg_level = SOL_SOCKET, .cmsg_type = SO_RXQ_OVFL};
+    memcpy(CMSG_DATA(header), &count, sizeof count);
+    message->msg_controllen = CMSG_SPACE(sizeof count);
+    return length;
+}
 
 /* ---- lines ---- */
 
@@ -298,7 +325,7 @@ static void one_phone_at_a_time(void **state) {
     fathom_imu_sample got[64];
     const int n = fathom_source_read_imu(source, got, 64);
     for (int i = 0; i < n; i++) assert_true(got[i].gyro[0] == 1);
-    usleep(2100000); /* the first has gone silent: the second may take its place */
+    ahead_ns += 3000000000; /* the first has gone silent: the second may take its place */
     say(second, "600.000, 3, 9, 9, 9, 4, 9, 9, 9");
     assert_int_equal(settle(source, 21, 20).samples, 21);
     close(first);
@@ -312,6 +339,59 @@ static void one_phone_at_a_time(void **state) {
     assert_int_equal(status.samples, 0);
     assert_int_equal(status.malformed, 1);
     close(other);
+    fathom_source_close(source);
+}
+
+static void a_new_senders_numbers_begin_anew(void **state) {
+    (void)state;
+    fathom_source *source = listen_with("");
+    const int first = phone(), second = phone();
+    say(first, "{\"t\":1.0,\"gyro\":[1,2,3],\"accel\":[1,2,3],\"n\":5}");
+    say(first, "{\"t\":1.1,\"gyro\":[1,2,3],\"accel\":[1,2,3],\"n\":7}");
+    assert_int_equal(settle(source, 2, 0).lost, 1);
+    ahead_ns += 3000000000;
+    say(second, "{\"t\":9.0,\"gyro\":[1,2,3],\"accel\":[1,2,3],\"n\":90}");
+    say(second, "{\"t\":9.1,\"gyro\":[1,2,3],\"accel\":[1,2,3],\"n\":91}");
+    const fathom_source_status status = settle(source, 4, 0);
+    assert_int_equal(status.samples, 4);
+    assert_int_equal(status.lost, 1);
+    close(first);
+    close(second);
+    fathom_source_close(source);
+}
+
+static void datagrams_that_the_kernel_dropped_are_counted_as_lost(void **state) {
+    (void)state;
+    fathom_source *source = listen_with("");
+    const int s = phone();
+    const unsigned counts[] = {0, 5, 5, 7};
+    for (int i = 0; i < 4; i++) {
+        char text[64];
+        overflows = counts[i];
+        snprintf(text, sizeof text, "%d.5, 3, 1, 2, 3, 4, 1, 2, 3", i);
+        say(s, text);
+        assert_int_equal(settle(source, i + 1, 0).samples, i + 1);
+    }
+    assert_int_equal(status_of(source).lost, 7);
+    overflows = 0;
+    close(s);
+    fathom_source_close(source);
+}
+
+/* Its lines are all good, but where it was cut a number may be another one. */
+static void a_datagram_that_was_cut_is_refused_whole(void **state) {
+    (void)state;
+    fathom_source *source = listen_with("");
+    const int s = phone();
+    static char text[9000];
+    size_t length = 0;
+    for (int i = 0; length < sizeof text - 64; i++)
+        length += (size_t)snprintf(text + length, 64, "%d.5, 3, 1, 2, 3, 4, 1, 2, 3\n", i);
+    assert_true(length > 8192);
+    say(s, text);
+    assert_int_equal(settle(source, 0, 1).malformed, 1);
+    assert_int_equal(status_of(source).samples, 0);
+    close(s);
     fathom_source_close(source);
 }
 
@@ -386,6 +466,26 @@ static void enumerating_names_this_machines_addresses(void **state) {
     assert_int_equal(remarks, 1);
 }
 
+static int calling;
+
+static void call(void) {
+    static int n;
+    char text[64];
+    snprintf(text, sizeof text, "%d.5, 3, 1, 2, 3, 4, 1, 2, 3", n++);
+    if (send(calling, text, strlen(text), 0) < 0) { /* nobody listens yet */
+    }
+}
+
+static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
+    (void)state;
+    char uri[64];
+    port = free_port();
+    calling = phone();
+    snprintf(uri, sizeof uri, "udp:127.0.0.1:%d", port);
+    check_source_contract(uri, call);
+    close(calling);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(comma_separated_lines),
@@ -396,8 +496,12 @@ int main(void) {
         cmocka_unit_test(lines_of_one_sensor_each),
         cmocka_unit_test(what_makes_no_sense_is_counted),
         cmocka_unit_test(one_phone_at_a_time),
+        cmocka_unit_test(a_new_senders_numbers_begin_anew),
+        cmocka_unit_test(datagrams_that_the_kernel_dropped_are_counted_as_lost),
+        cmocka_unit_test(a_datagram_that_was_cut_is_refused_whole),
         cmocka_unit_test(waiting_can_be_cancelled_and_begun_again),
         cmocka_unit_test(uris_that_are_wrong),
+        cmocka_unit_test(a_second_start_is_refused_and_the_source_goes_on),
         cmocka_unit_test(enumerating_names_this_machines_addresses),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

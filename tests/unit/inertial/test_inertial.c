@@ -189,7 +189,7 @@ static void beyond_the_samples_the_rate_is_held_and_trust_falls(void **state) {
         last = sigma(&m, 0);
     }
     /* half a second without samples is as uncertain as a hand's turning makes it */
-    assert_true(last > 0.5 * config.motion_turn_sigma * 0.25 && last > 20 * sigma(&covered, 0));
+    assert_true(last > 0.5 * config.motion_sigma_rad_s2 * 0.25 && last > 20 * sigma(&covered, 0));
     inertial_motion early = estimate(0.5, 0.9), after = estimate(3, 3.4); /* wholly outside */
     double w[3], r[9];
     for (int k = 0; k < 3; k++) w[k] = rate[k] * 0.4;
@@ -348,10 +348,10 @@ static void absurd_stamps_stay_finite(void **state) {
                 const pose origin = pose_identity();
                 inertial_advance(&n, stamps[5 - i]);
                 inertial_correct(&n, &origin, NULL, NULL, stamps[i]);
-                for (int k = 0; k < 9; k++) assert_true(isfinite(n.state.r[k]));
-                for (int k = 0; k < 3; k++) assert_true(isfinite(n.state.p[k]) && isfinite(n.state.v[k]));
+                for (int k = 0; k < 9; k++) assert_true(isfinite(n.now.state.r[k]));
+                for (int k = 0; k < 3; k++) assert_true(isfinite(n.now.state.p[k]) && isfinite(n.now.state.v[k]));
                 for (int k = 0; k < NAVIGATOR_STATES * NAVIGATOR_STATES; k++)
-                    assert_true(isfinite(n.state.covariance[k]));
+                    assert_true(isfinite(n.now.state.covariance[k]));
             }
         }
 }
@@ -388,14 +388,14 @@ static void a_still_start_finds_the_bias(void **state) {
         push_biased(2, 1.5, rate, accel);
         for (int j = 0; j < 3; j++) assert_true(fabs(n.samples.still.gyro_bias[j] - bias[j]) < 4 * n.samples.still.gyro_bias_sigma);
         for (int j = 0; j < 3; j++) assert_true(fabs(n.samples.still.gyro_bias[j] - bias[j]) < 1e-3);
-        assert_true(n.samples.still.gyro_bias_sigma < 0.25 * config.gyro_bias_sigma && n.samples.still.gyro_bias_sigma > 0);
+        assert_true(n.samples.still.gyro_bias_sigma < 0.25 * config.gyro_bias_sigma_rad_s && n.samples.still.gyro_bias_sigma > 0);
         after = estimate(0.05, 0.15);
         assert_true(sigma(&after, 0) < sigma(&before, 0));
         double none[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}; /* at rest it reads no turn any more */
         inertial_motion rest = estimate(0.2, 1.2);
         assert_true(off(&rest, none) < 2e-3);
         inertial_reset(&n); /* forgets it */
-        assert_true(n.samples.still.gyro_bias[0] == 0 && n.samples.still.gyro_bias_sigma == (double)config.gyro_bias_sigma);
+        assert_true(n.samples.still.gyro_bias[0] == 0 && n.samples.still.gyro_bias_sigma == (double)config.gyro_bias_sigma_rad_s);
     }
 }
 
@@ -404,7 +404,7 @@ static void a_moving_start_finds_none(void **state) {
     const double rate[3] = {0.5, 0.8, -0.3};
     push_biased(2, -0.1, rate, true);
     for (int j = 0; j < 3; j++) assert_true(n.samples.still.gyro_bias[j] == 0);
-    assert_true(n.samples.still.gyro_bias_sigma >= (double)config.gyro_bias_sigma);
+    assert_true(n.samples.still.gyro_bias_sigma >= (double)config.gyro_bias_sigma_rad_s);
 
     begin(); /* 0.3 s of stillness are too short */
     push_biased(1, 0.3, rate, true);
@@ -464,7 +464,7 @@ static void bad_samples_are_counted_and_dropped(void **state) {
 static void a_full_ring_drops_the_newest_and_counts(void **state) {
     (void)state;
     const double rate[3] = {0, 0, 0.1};
-    config.imu_capacity = 100; /* rounded up to a power of two */
+    config.max_imu_samples = 100; /* rounded up to a power of two */
     begin();
     assert_int_equal(n.samples.capacity, 128);
     for (int i = 0; i < 200; i++) push_rate(0.01 * i, rate);
@@ -548,7 +548,7 @@ static int drain_all(pusher *p, bool all) {
 static void all_samples_cross_exactly_once_and_in_order(void **state) {
     (void)state;
     for (int retry = 0; retry < 2; retry++) {
-        config.imu_capacity = 64;
+        config.max_imu_samples = 64;
         begin();
         pusher p = {.retry = retry};
         pthread_t thread;

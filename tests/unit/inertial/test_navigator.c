@@ -255,14 +255,14 @@ static void biases_and_gravity_converge(void **state) {
             begin(seed % 2 ? SCENE_ROOM : SCENE_DESK, seed, grades[g], &usual);
             track(start, start, start + 10, NULL);
             for (int i = 0; i < 3; i++) {
-                gyro[i] = n.state.gyro_bias[i];
-                accel[i] = n.state.accel_bias[i];
+                gyro[i] = n.now.state.gyro_bias[i];
+                accel[i] = n.now.state.accel_bias[i];
                 for (int j = 0; j < 3; j++) {
                     gyro[i] -= imu.rotation[3 * i + j] * imu.gyro_bias[j];
                     accel[i] -= imu.rotation[3 * i + j] * imu.accel_bias[j];
                 }
             }
-            lean = acos(fmin(1, -n.state.gravity[2] / length(n.state.gravity)));
+            lean = acos(fmin(1, -n.now.state.gravity[2] / length(n.now.state.gravity)));
             worst_gyro = fmax(worst_gyro, length(gyro));
             worst_accel = fmax(worst_accel, length(accel));
             worst_lean = fmax(worst_lean, lean);
@@ -281,14 +281,14 @@ static void covariance_stays_symmetric_and_positive(void **state) {
     enum { N = NAVIGATOR_STATES };
     double l[N][N] = {{0}}, scale[N];
     for (int i = 0; i < N; i++) {
-        scale[i] = sqrt(n.state.covariance[i * (N + 1)]);
+        scale[i] = sqrt(n.now.state.covariance[i * (N + 1)]);
         assert_true(isfinite(scale[i]) && scale[i] > 0);
     }
     double least = 1;
     for (int i = 0; i < N; i++) /* Cholesky of the correlations */
         for (int j = 0; j <= i; j++) {
-            assert_true(n.state.covariance[N * i + j] == n.state.covariance[N * j + i]);
-            double s = n.state.covariance[N * i + j] / (scale[i] * scale[j]);
+            assert_true(n.now.state.covariance[N * i + j] == n.now.state.covariance[N * j + i]);
+            double s = n.now.state.covariance[N * i + j] / (scale[i] * scale[j]);
             for (int k = 0; k < j; k++) s -= l[i][k] * l[j][k];
             if (i == j) least = fmin(least, s);
             if (i == j) assert_true(s > 0);
@@ -307,6 +307,12 @@ static void start_uncertain(navigator *s, const double twist[6]) {
     for (int i = 0; i < 6; i++) s->covariance[(NAVIGATOR_STATES + 1) * i] = 0.1 * 0.1;
 }
 
+static void correct_pose(navigator *s, const double lever[3], const pose *measured, const double information[36],
+                         double floor_rad, double floor_m) {
+    measurement m = measurement_of_pose(0, measured, information, NULL, lever, floor_rad, floor_m);
+    assert_true(navigator_correct(s, &m, 1));
+}
+
 static void a_direction_without_information_is_not_corrected(void **state) {
     (void)state;
     const double none[3] = {0, 0, 0}, at[6] = {0.4, -0.9, 0.3, 1, 2, 3};
@@ -320,7 +326,7 @@ static void a_direction_without_information_is_not_corrected(void **state) {
         navigator before = s;
         pose predicted = navigator_camera(&s, none), way = pose_exp(twist);
         pose measured = pose_multiply(&predicted, &way);
-        navigator_correct(&s, none, &measured, information, NULL, 0, 0);
+        correct_pose(&s, none, &measured, information, 0, 0);
         pose after = navigator_camera(&s, none), moved = pose_between(&predicted, &after);
         pose_log(&moved, got);
         double covariance[36];
@@ -344,7 +350,7 @@ static void a_direction_without_information_is_not_corrected(void **state) {
     start_uncertain(&s, at);
     pose predicted = navigator_camera(&s, none), way = pose_exp(twist);
     pose measured = pose_multiply(&predicted, &way);
-    navigator_correct(&s, none, &measured, information, NULL, 0.006, 0.004);
+    correct_pose(&s, none, &measured, information, 0.006, 0.004);
     pose after = navigator_camera(&s, none), moved = pose_between(&predicted, &after);
     pose_log(&moved, got);
     for (int i = 0; i < 3; i++) /* the floor of 4 mm beside a sigma of 10 cm takes 0.16 % */
@@ -375,7 +381,7 @@ static void without_accelerometer_the_velocity_is_kept(void **state) {
         memcpy(lever.t, n.lever, sizeof lever.t);
         p = pose_multiply(&p, &lever); /* it is the IMU that goes straight */
         q = pose_multiply(&q, &lever);
-        for (int i = 0; i < 3; i++) assert_true(fabs(q.t[i] - p.t[i] - 0.5 * n.state.v[i]) < 1e-3);
+        for (int i = 0; i < 3; i++) assert_true(fabs(q.t[i] - p.t[i] - 0.5 * n.now.state.v[i]) < 1e-3);
         double e[6];
         error_of(&m[k], 5, 5.5, e);
         assert_true(length(e) < 0.1 / DEGREES);
@@ -443,7 +449,7 @@ static void a_broken_imu_stays_finite_and_lowers_trust(void **state) {
                 inertial_advance(&n, ns(t));
             } else {
                 correct_at(t);
-                pose here = navigator_camera(&n.state, n.lever), truth = true_pose(t);
+                pose here = navigator_camera(&n.now.state, n.lever), truth = true_pose(t);
                 pose rest = pose_between(&here, &truth);
                 if (t > 1) worst = fmax(worst, pose_distance(&rest));
             }
@@ -451,7 +457,7 @@ static void a_broken_imu_stays_finite_and_lowers_trust(void **state) {
             if (k % 5 == 0 && t > cases[c].from && t + 0.2 < cases[c].to)
                 for (int i = 0; i < 2; i++) sigma[i] = fmin(sigma[i], sqrt(m.covariance[21 * i]));
             for (int i = 0; i < NAVIGATOR_STATES * NAVIGATOR_STATES; i++)
-                assert_true(isfinite(n.state.covariance[i]));
+                assert_true(isfinite(n.now.state.covariance[i]));
         }
         feed(0, 16, cases[c].how);
         m = estimate(15, 15.5);
@@ -481,14 +487,14 @@ static void a_slow_imu_that_dies_is_noticed(void **state) {
     double with = sqrt(estimate(5, 5 + 1 / FRAME_RATE).covariance[21]);
     track(0, 5, 8, slow_and_dies);
     double without = sqrt(estimate(8, 8 + 1 / FRAME_RATE).covariance[21]);
-    double before = sqrt(n.state.covariance[(NAVIGATOR_STATES + 1) * 6]);
+    double before = sqrt(n.now.state.covariance[(NAVIGATOR_STATES + 1) * 6]);
     for (int k = 1; k <= 30; k++) inertial_advance(&n, ns(8 + k / FRAME_RATE));
-    double grown = sqrt(n.state.covariance[(NAVIGATOR_STATES + 1) * 6]);
+    double grown = sqrt(n.now.state.covariance[(NAVIGATOR_STATES + 1) * 6]);
     print_message("position sigma of a frame's time %.4f m, dead %.4f m; velocity sigma %.3f m/s, a second "
                   "later %.3f\n",
                   with, without, before, grown);
     assert_true(without > 1.1 * with);
-    assert_true(grown > 0.5 * config.motion_accel_sigma * sqrt(0.2));
+    assert_true(grown > 0.5 * config.motion_sigma_m_s2 * sqrt(0.2));
 }
 
 int main(void) {

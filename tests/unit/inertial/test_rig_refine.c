@@ -212,7 +212,7 @@ static void standing_still_moves_nothing(void **state) {
     assert_true(e.rig.intervals > 800);
     for (int k = 0; k < 3; k++) {
         assert_true(fabs(e.mounting[k] - first.mounting[k]) < 0.2 / DEGREES);
-        assert_true(e.rig.rotation_sigma[k] > 0.9 * config.rig_rotation_sigma);
+        assert_true(e.rig.rotation_sigma[k] > 0.9 * config.rig_rotation_sigma_rad);
     }
     assert_true(fabs(e.offset - first.offset) < 0.25e-9 * (double)config.rig_clock_sigma_ns);
     assert_true(n.samples.refined_ns == 0); /* nothing stands out, so nothing was applied */

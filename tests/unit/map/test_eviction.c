@@ -66,7 +66,7 @@ static int give_back(void *user, const fathom_block *b) {
 static fathom_config small_pool(void) {
     fathom_config c = synthetic_config(&frames[0]);
     c.voxel_m = 0.04f;
-    c.blocks = POOL;
+    c.max_blocks = POOL;
     return c;
 }
 
@@ -151,7 +151,7 @@ static void what_is_in_view_stays(void **state) {
     (void)state;
     store kept = {0};
     fathom_config c = small_pool();
-    c.blocks = 64;
+    c.max_blocks = 64;
     c.when_full = FATHOM_FULL_DROP;
     c.block_out = keep;
     c.block_user = &kept;

@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "simulate/camera_path.h"
+#include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "simulate/scene.h"
 #include "fathom_drivers.h"
@@ -54,14 +55,14 @@ static int remove_one(const char *path, const struct stat *st, int type, struct 
 }
 
 /* Runs a command with its stdout in a file, so that it doesn't get among the test's own lines. */
-static int run(int command(int, char **), char **argv, const char *output) {
+static int run(const struct command *command, char **argv, const char *output) {
     int argc = 0;
     while (argv[argc]) argc++;
     fflush(stdout);
     int kept = dup(STDOUT_FILENO);
     assert_true(kept >= 0);
     assert_non_null(freopen(output, "w", stdout));
-    int status = command(argc, argv);
+    int status = command->run(command, argc, argv);
     fflush(stdout);
     dup2(kept, STDOUT_FILENO);
     close(kept);
@@ -141,9 +142,9 @@ static int make(void **state) {
     snprintf(mesh, sizeof mesh, "%s/mesh.ply", s->folder);
     snprintf(output, sizeof output, "%s/output", s->folder);
     char *simulate[] = {"simulate", "room", recording, "--clean", "--frames", FRAMES, NULL};
-    if (run(command_simulate, simulate, output) != CLI_DONE) return -1;
+    if (run(&command_simulate, simulate, output) != CLI_DONE) return -1;
     char *replay[] = {"replay", recording, "--mesh", mesh, NULL};
-    if (run(command_replay, replay, output) != CLI_DONE) return -1;
+    if (run(&command_replay, replay, output) != CLI_DONE) return -1;
     last_line(output, s->summary, sizeof s->summary);
     fathom_recording_pose first;
     if (fathom_recording_open(&s->recording, recording, NULL) != FATHOM_OK ||

@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "fathom/files/block_store.h"
-#include "api/context.h"
+#include "context.h"
 #include "map/eviction.h"
 #include "synthetic.h"
 
@@ -28,7 +28,7 @@ static synthetic_frame frames[FRAMES];
 static fathom_config settings(int blocks) {
     fathom_config c = synthetic_config(&frames[0]);
     c.voxel_m = 0.04f;
-    c.blocks = blocks;
+    c.max_blocks = blocks;
     c.when_full = FATHOM_FULL_DROP;
     return c;
 }

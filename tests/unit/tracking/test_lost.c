@@ -33,7 +33,7 @@ static fathom_result see(synthetic_context *s, const synthetic_frame *frame) {
 static synthetic_context scanned(void) {
     fathom_config c = synthetic_config(&desk[0]);
     c.imu = false;
-    c.lost_sigma_m = 0.05f;
+    c.max_reckoned_sigma_m = 0.05f;
     synthetic_context s = synthetic_start(&c);
     for (int i = 0; i < KNOWN; i++) assert_true(see(&s, &desk[i]).fused);
     return s;

@@ -1,0 +1,40 @@
+/* A scanning context: everything that fathom_init lays out in the caller's block. */
+#ifndef FATHOM_CONTEXT_H
+#define FATHOM_CONTEXT_H
+
+#include "inertial/inertial.h"
+#include "map/fusing.h"
+#include "map/view.h"
+#include "map/whole_mesh.h"
+#include "tracking/track.h"
+
+struct fathom {
+    fathom_config config;
+    device device;
+    depth_maps maps;
+    volume volume;
+    integrator integrator;
+    caller_store store;
+    raycaster raycaster;
+    inertial inertial;
+    tracker tracker;
+    fusing fusing;
+    mesher mesher;
+    volume patch; /* of the whole mesh */
+    viewer viewer;
+    int64_t arena_bytes;
+
+    pose pose;             /* M of Figure 2: the last frame's camera to world */
+    double covariance[36]; /* of that pose: pose * exp(error) */
+    int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
+    bool started;          /* the first surface has been fused */
+    bool paused;
+    bool said_full; /* the log knows that the pool is full */
+    int64_t frames_ignored;
+    fathom_result result; /* of the last frame */
+};
+
+/* One turn of Figure 2 (lib/step.c); the frame has been checked. */
+void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r);
+
+#endif

@@ -1,0 +1,63 @@
+/* Measurements: everything that corrects the navigator. A measurement has a stamp, a residual and its Jacobian over the error
+ * state, an information, and what the gate needs. Residual and Jacobian are functions of the state, so that a late
+ * measurement, and those that came after it, can be linearised anew at the state of their time.
+ *
+ * A new kind of measurement is a builder here with its linearise function; nothing else changes. */
+#ifndef FATHOM_MEASUREMENT_H
+#define FATHOM_MEASUREMENT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/se3.h"
+#include "inertial/filter.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define MEASUREMENT_ROWS 6 /* rows that a measurement doesn't need have no information */
+
+typedef struct {
+    double residual[MEASUREMENT_ROWS];                    /* measured less predicted */
+    double jacobian[MEASUREMENT_ROWS * NAVIGATOR_STATES]; /* of the measured value by the error, row-major */
+} linearisation;
+
+struct measurement {
+    int64_t timestamp_ns;
+    /* Writes residual and Jacobian at a state; out is zero before. NULL: only the time goes on. */
+    void (*linearise)(const measurement *m, const navigator *n, linearisation *out);
+    double information[MEASUREMENT_ROWS * MEASUREMENT_ROWS]; /* row-major, may be singular */
+    double floors[MEASUREMENT_ROWS]; /* sigmas of what the information doesn't count, in units of the mismatch */
+    double pull[MEASUREMENT_ROWS];   /* where the value was found jointly with the prior: the information times the way from
+                                        it to what the measurement alone says, so that the prior doesn't count twice */
+    double max_squares;              /* squared Mahalanobis distance beyond which it is left out; INFINITY: never */
+    bool of_frame;                   /* an accepted frame's pose: mismatch and doubt (inertial/correct.c) learn from it */
+    /* what linearise reads */
+    pose camera_to_world;
+    double lever[3];
+    double value[3];
+};
+
+/* A camera pose with its information (6x6, right perturbation, rotation then translation); directions without information
+ * correct nothing; NULL: the pose is exact. pull: see above; NULL: none. lever: the IMU's origin in camera axes. */
+measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world, const double information[36],
+                                const double pull[6], const double lever[3], double floor_rad, double floor_m);
+
+/* The IMU is at rest: its velocity is zero ... */
+measurement measurement_of_rest(int64_t timestamp_ns, double velocity_sigma);
+
+/* ... and its gyroscope reads its bias, here the mean over the stillness. */
+measurement measurement_of_gyro_bias(int64_t timestamp_ns, const double mean[3], double sigma);
+
+/* Nothing is measured: the state only goes on to that time. */
+measurement measurement_of_nothing(int64_t timestamp_ns);
+
+/* The IMU turns out to be mounted otherwise (navigator_turn_imu): what was measured in its axes turns with it. */
+void measurement_turn_imu(measurement *m, const double turn[3]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

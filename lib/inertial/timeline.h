@@ -1,0 +1,51 @@
+/* The recent past of the navigator: what measurements have made of it, so that one that comes late is applied in its turn. */
+#ifndef FATHOM_TIMELINE_H
+#define FATHOM_TIMELINE_H
+
+#include "base/arena.h"
+#include "inertial/measurement.h"
+
+#define TIMELINE_MOMENTS 24 /* with a frame's pose and, at rest, two measurements of that: a quarter of a second at 30 Hz */
+#define TIMELINE_NS 1000000000 /* none is looked for further back than this: a bound on the samples to go over again */
+
+/* All that measurements change. */
+typedef struct {
+    navigator state;      /* at the last measurement */
+    double mismatch;      /* how far poses and inertia disagree: sigmas in units of the settings' */
+    bool doubted;         /* the gyroscope contradicts the poses: gone on without the samples until it doesn't */
+    int against;          /* accepted poses in a row that it contradicted */
+    double gyro_error;    /* rad^2: the turn from pose to pose, as the samples foretold it wrongly */
+    double turn_error;    /* the same without samples, from the poses before */
+    double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
+    int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
+    pose corrected;       /* that pose */
+} navigation;
+
+typedef struct {
+    measurement by;
+    navigation after;
+} timeline_moment;
+
+typedef struct {
+    timeline_moment *moments; /* a circle in the order of stamps */
+    int first, count;
+} timeline;
+
+void timeline_init(timeline *t, arena *a);
+
+/* The i-th moment, 0 the oldest. */
+static inline timeline_moment *timeline_at(const timeline *t, int i) {
+    return &t->moments[(t->first + i) % TIMELINE_MOMENTS];
+}
+
+/* Forgets the past; the present is the first moment. */
+void timeline_restart(timeline *t, const navigation *now);
+
+/* Index of the last moment at or before a stamp, or -1: none is so old, or it is too far back. */
+int timeline_find(const timeline *t, int64_t timestamp_ns);
+
+/* Makes room for a moment before the i-th (i = count: at the end), which is the caller's to fill in; the oldest goes when there
+ * are too many. Returns its index. i >= 1. */
+int timeline_insert(timeline *t, int i);
+
+#endif

@@ -1,0 +1,9 @@
+/* What the caller learns of a frame's alignment. */
+#ifndef FATHOM_REPORT_H
+#define FATHOM_REPORT_H
+
+#include "tracking/track.h"
+
+void report_alignment(const attempt *a, const tracking_cost *cost, fathom_result *r);
+
+#endif

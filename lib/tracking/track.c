@@ -1,0 +1,177 @@
+#include "tracking/track.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/covariance.h"
+#include "base/stamps.h"
+#include "tracking/relocalise.h"
+
+#define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
+
+/* So many frames are looked for after the camera was lost, then every RARE-th, so that a board keeps up. */
+#define EAGER 15
+#define RARE 30
+
+void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, raycaster *r,
+                  inertial *n) {
+    memset(t, 0, sizeof *t);
+    t->config = config;
+    t->device = d;
+    t->maps = maps;
+    t->raycaster = r;
+    t->inertial = n;
+    aligner_init(&t->aligner, d, a, config, maps);
+    model_maps_init(&t->models, d, a, config, maps);
+    model_view_init(&t->view, d, a, config, maps);
+    tracker_reset(t);
+}
+
+void tracker_close(tracker *t) {
+    model_view_close(&t->view);
+    model_maps_close(&t->models);
+    aligner_close(&t->aligner);
+}
+
+void tracker_reset(tracker *t) {
+    model_maps_forget(&t->models);
+    t->strayed = false;
+    t->missed = 0;
+    t->drawn = 0;
+}
+
+/* Too little surface for enough pairs lies before the camera: there is no need to cast the fine maps. After a tracked frame
+ * there is enough. */
+static bool nothing_in_view(tracker *t, const pose *start) {
+    const kernel_camera *c = &t->maps->camera[FINEST];
+    double pixels = (double)c->width * c->height;
+    return t->strayed && t->config->against == FATHOM_AGAINST_MODEL &&
+           pixels * model_view_part(&t->view, t->device, t->raycaster, start) <
+               minimum_pairs(t->config, c->width * c->height);
+}
+
+/* A frame that isn't aligned. */
+static void leave(const tracker *t, const pose *at, attempt *a) {
+    a->icp = (alignment){.motion = *at, .condition = INFINITY};
+    a->rotation_rad = a->translation_m = a->innovation = 0;
+    a->agreement = a->see_through = NAN;
+    a->verdict = has_depth(t->valid) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
+}
+
+/* The surface as it looks from there, near the scan. thorough: also where it is further from the scan than the truncation; a
+ * good seed doesn't need that. */
+static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m, bool thorough) {
+    model_maps *m = &t->models;
+    raycast_near(t->raycaster, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m), thorough,
+                        &m->level[FINEST]);
+    raycast_halve(t->raycaster, t->device, t->maps->camera, m->level, coarsest);
+    device_wait(t->device);
+    model_maps_renew(m, from, coarsest);
+}
+
+/* The scan with the surface, or with the last accepted frame. Start, prior and result: camera to world. */
+static void align_scan(tracker *t, const pose *start, const align_prior *prior, bool seeded, alignment *icp) {
+    const fathom_config *c = t->config;
+    const int *budget = seeded ? c->max_seeded_iterations : c->max_iterations;
+    model_maps *m = &t->models;
+    double began = now_ms();
+    int coarsest = 0;
+    while (coarsest < FINEST && budget[coarsest] == 0) coarsest++;
+    if (c->against == FATHOM_AGAINST_MODEL && !(seeded && model_maps_hold(m, start, coarsest)))
+        cast_maps(t, start, coarsest, covariance_position_sigma(prior->covariance), !seeded);
+    double cast = now_ms();
+    align_prior known = *prior;
+    pose from = pose_between(&m->seen_from, start);
+    known.mean = pose_between(&m->seen_from, &prior->mean);
+    align(&t->aligner, t->device, t->maps, m->level, &from, &known, budget, icp);
+    model_maps_used(m, icp->pairs, icp->condition);
+    icp->motion = pose_multiply(&m->seen_from, &icp->motion);
+    pose_normalise(&icp->motion);
+    t->cost.iterations += icp->iterations;
+    t->cost.ms_raycast += cast - began;
+    t->cost.ms_align += now_ms() - cast;
+}
+
+void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool seeded, attempt *a) {
+    const fathom_config *c = t->config;
+    a->seeded = seeded;
+    if (!has_depth(t->valid) || (!seeded && nothing_in_view(t, start))) {
+        leave(t, start, a);
+        return;
+    }
+    align_scan(t, start, prior, seeded, &a->icp);
+    /* maps cast from a start that was far off show another part of the surface: a second round from where the first has led */
+    bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && a->icp.pairs > 0;
+    if (recast && !model_maps_hold(&t->models, &a->icp.motion, FINEST)) {
+        align_prior led = *prior;
+        led.mean = a->icp.motion;
+        align_scan(t, &led.mean, &led, false, &a->icp);
+    }
+    double began = now_ms();
+    judge(c, &t->view, t->device, t->maps, t->raycaster, prior, t->valid, a);
+    t->cost.ms_raycast += now_ms() - began;
+}
+
+/* While the IMU isn't known to be right, the frame is aligned from where the last velocity leads too, with that as its prior, and
+ * what fits the surface clearly better is taken. */
+static void second_attempt(tracker *t, const pose *seed, int64_t timestamp_ns, attempt *icp) {
+    align_prior guess;
+    attempt other = *icp;
+    if (undoubted(t->config, icp) || icp->verdict == FATHOM_VERDICT_NO_DEPTH ||
+        !inertial_second_guess(t->inertial, seed, timestamp_ns, &guess.mean, guess.covariance))
+        return;
+    track_attempt(t, &guess.mean, &guess, false, &other);
+    if (fits_better(t->config, &other, icp)) *icp = other;
+}
+
+/* Alignment from the seed has failed, and the seed may be too far off: others about it are tried. */
+static void search(tracker *t, const align_prior *seed, attempt *icp) {
+    pose best[SEARCH_BEST];
+    if (!worth_another_try(icp->verdict) || t->config->against != FATHOM_AGAINST_MODEL ||
+        covariance_position_sigma(seed->covariance) < SEARCH_SIGMA_M)
+        return;
+    double began = now_ms();
+    int found = search_about(&t->aligner, t->device, t->maps, &t->view, t->raycaster, &seed->mean, seed->covariance,
+                             &t->drawn, best);
+    icp->searched = true;
+    t->cost.ms_align += now_ms() - began;
+    for (int i = 0; i < found; i++) {
+        attempt other = *icp;
+        align_prior draw = *seed;
+        draw.mean = best[i];
+        track_attempt(t, &best[i], &draw, false, &other);
+        if (other.verdict != FATHOM_VERDICT_TRACKING) continue;
+        *icp = other;
+        return;
+    }
+}
+
+/* Lost for long: this frame isn't looked for. */
+static bool rests(const tracker *t) {
+    return t->missed >= EAGER && t->missed % RARE != 0;
+}
+
+bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, attempt *icp) {
+    memset(icp, 0, sizeof *icp);
+    t->cost = (tracking_cost){0};
+    t->valid = valid_part(t->maps, scan);
+    if (rests(t)) {
+        leave(t, &seed->mean, icp);
+        return false;
+    }
+    bool seeded = covariance_position_sigma(seed->covariance) < t->config->max_seed_sigma_m;
+    track_attempt(t, &seed->mean, seed, seeded, icp);
+    if (seeded && worth_another_try(icp->verdict)) track_attempt(t, &seed->mean, seed, false, icp);
+    second_attempt(t, &seed->mean, scan->timestamp_ns, icp);
+    search(t, seed, icp);
+    return icp->verdict == FATHOM_VERDICT_TRACKING;
+}
+
+void track_settle(tracker *t, fathom_state state, fathom_verdict verdict) {
+    t->strayed = state >= FATHOM_RECKONED;
+    t->missed = state == FATHOM_LOST && worth_another_try(verdict) ? t->missed + 1 : 0;
+}
+
+void track_keep(tracker *t, const pose *at) {
+    if (t->config->against == FATHOM_AGAINST_PREVIOUS) model_maps_take_frame(&t->models, t->device, t->maps, at);
+}
