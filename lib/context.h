@@ -6,6 +6,7 @@
 #include "map/fusing.h"
 #include "map/view.h"
 #include "map/whole_mesh.h"
+#include "tracking/odometry.h"
 #include "tracking/track.h"
 
 struct fathom {
@@ -26,6 +27,7 @@ struct fathom {
 
     pose pose;             /* M of Figure 2: the last frame's camera to world */
     double covariance[36]; /* of that pose: pose * exp(error) */
+    odometry odometry;     /* the pose that never jumps */
     int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
     bool started;          /* the first surface has been fused */
     bool paused;

@@ -54,6 +54,8 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
         move(f, &seed.mean, seed.covariance);
     }
 
+    odometry_advance(&f->odometry, &d.motion, d.covariance, &f->pose, f->covariance, tracking,
+                     seconds_between(f->timestamp_ns, scan->timestamp_ns));
     bool lost = covariance_position_sigma(f->covariance) > f->config.max_reckoned_sigma_m;
     r->state = tracking ? FATHOM_TRACKED : lost ? FATHOM_LOST : FATHOM_RECKONED;
     if (tracking || icp.verdict == FATHOM_VERDICT_UNCERTAIN)

@@ -54,46 +54,6 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
     device_unmap(d, &a->sums, sums);
 }
 
-/* Moves the covariance of a left twist in the model camera's axes to the scan camera's (motion * exp(error)). */
-static void covariance_to_scan(const pose *motion, const double left[36], double out[36]) {
-    pose inverse = pose_inverse(motion);
-    double adjoint[36];
-    pose_adjoint(&inverse, adjoint);
-    covariance_transport(adjoint, left, out);
-}
-
-/* The same for an information: a right error e is the left twist Ad(motion) e. */
-static void information_to_scan(const pose *motion, const double left[36], double out[36]) {
-    double adjoint[36], transposed[36];
-    pose_adjoint(motion, adjoint);
-    for (int i = 0; i < 36; i++) transposed[i] = adjoint[i % 6 * 6 + i / 6];
-    covariance_transport(transposed, left, out);
-}
-
-static void pull_to_scan(const pose *motion, const double left[6], double out[6]) {
-    double adjoint[36];
-    pose_adjoint(motion, adjoint);
-    memset(out, 0, 6 * sizeof *out);
-    for (int i = 0; i < 36; i++) out[i % 6] += adjoint[i] * left[i / 6];
-}
-
-/* The prior's word on the next left twist x of the motion: that is off from the mean by log(inv(mean) motion), in the scan's
- * axes, which x changes by Ad(inv(motion)) x; that sum has the prior's covariance. */
-static bool prior_at(const align_prior *known, const pose *motion, const fathom_config *c, solve_prior *prior) {
-    double off[6], adjoint[36], covariance[36];
-    pose way = pose_between(&known->mean, motion);
-    pose_log(&way, off);
-    pose_adjoint(motion, adjoint);
-    for (int i = 0; i < 6; i++) {
-        prior->mean[i] = 0;
-        for (int j = 0; j < 6; j++) prior->mean[i] -= adjoint[6 * i + j] * off[j];
-    }
-    covariance_transport(adjoint, known->covariance, covariance);
-    prior->max_condition = c->max_condition;
-    prior->correlated = CORRELATED_PAIRS;
-    return covariance_invert(covariance, prior->information);
-}
-
 void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS], const pose *start,
            const align_prior *known, const int budget[FATHOM_LEVELS], alignment *result) {
     const fathom_config *c = a->config;
@@ -107,7 +67,7 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
         for (int i = 0; i < budget[level]; i++) {
             normal_equations e;
             solution s;
-            solve_prior prior;
+            solve_prior prior = {.max_condition = c->max_condition, .correlated = CORRELATED_PAIRS};
             align_reduce(a, d, maps, level, &result->motion, &model[level], &maps->camera[level],
                          pair_distance(a, level, sigma), c->huber_m, centre, &e);
             result->iterations++;
@@ -115,7 +75,8 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             result->overlap = (int)e.overlap;
             result->pixels = maps->camera[level].width * maps->camera[level].height;
             result->weight = e.weight;
-            bool held = c->prior == FATHOM_PRIOR_INFORMATION && prior_at(known, &result->motion, c, &prior);
+            bool held = c->prior == FATHOM_PRIOR_INFORMATION &&
+                        prior_of_twist(known, &result->motion, prior.mean, prior.information);
             bool solved = solve_alignment(&e, held ? &prior : NULL, &s);
             memcpy(result->singular, s.singular, sizeof s.singular);
             result->condition = s.condition;

@@ -2,6 +2,7 @@
 #ifndef FATHOM_ALIGN_H
 #define FATHOM_ALIGN_H
 
+#include "align/frames.h"
 #include "frame/depth_maps.h"
 #include "align/solve.h"
 
@@ -36,12 +37,6 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
 
 /* How far from the scan a model point may lie and still pair with it, from the coarsest level on. */
 float align_reach(const aligner *a, int coarsest, double position_sigma_m);
-
-/* What is known of the motion before the scan is looked at, wherever alignment starts: a mean, and mean * exp(error). */
-typedef struct {
-    pose mean;
-    double covariance[36];
-} align_prior;
 
 /* Aligns from `start` on, with at most budget[level] iterations at each level, with the model maps of each level. The prior's
  * position sigma widens the pair distance; its information enters the solve with FATHOM_PRIOR_INFORMATION. Waits for the

@@ -150,6 +150,7 @@ static void start_over(fathom *f) {
     inertial_reset(&f->inertial);
     pose_from_matrix(f->config.first_pose, &f->pose);
     memset(f->covariance, 0, sizeof f->covariance);
+    odometry_start(&f->odometry, &f->pose);
     f->timestamp_ns = INT64_MIN;
     f->started = f->said_full = false;
     tracker_reset(&f->tracker);

@@ -177,6 +177,23 @@ void pose_adjoint(const pose *a, double adjoint[36]) {
         }
 }
 
+/* The series sum (-ad(twist))^k / (k + 1)!, whose terms vanish quickly up to half a turn and beyond. */
+void pose_right_jacobian(const double twist[6], double j[36]) {
+    const double *w = twist, *v = twist + 3;
+    const double ad[36] = {0,     -w[2], w[1],  0,    0,     0,     w[2],  0, -w[0], 0,    0,    0,
+                           -w[1], w[0],  0,     0,    0,     0,     0,     -v[2], v[1], 0,  -w[2], w[1],
+                           v[2],  0,     -v[0], w[2], 0,     -w[0], -v[1], v[0], 0,    -w[1], w[0], 0};
+    double term[36], next[36];
+    for (int i = 0; i < 36; i++) j[i] = term[i] = i % 7 == 0;
+    for (int k = 1; k <= 20; k++) {
+        for (int i = 0; i < 36; i++) {
+            next[i] = 0;
+            for (int m = 0; m < 6; m++) next[i] -= term[i / 6 * 6 + m] * ad[6 * m + i % 6] / (k + 1);
+        }
+        for (int i = 0; i < 36; i++) j[i] += term[i] = next[i];
+    }
+}
+
 void pose_to_matrix(const pose *a, float m[16]) {
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) m[4 * i + j] = (float)a->r[3 * i + j];

@@ -30,6 +30,8 @@ void pose_normalise(pose *a);        /* makes the rotation orthonormal again (Gr
 bool pose_is_finite(const pose *a);
 void pose_adjoint(const pose *a,
                   double adjoint[36]); /* exp(adjoint * twist) * a = a * exp(twist), row-major 6x6 */
+void pose_right_jacobian(const double twist[6],
+                         double j[36]); /* exp(twist + d) = exp(twist) * exp(j d) for small d, row-major 6x6 */
 
 void pose_to_matrix(const pose *a, float matrix[16]); /* row-major 4x4 */
 bool pose_from_matrix(const float matrix[16],

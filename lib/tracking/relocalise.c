@@ -27,7 +27,7 @@ static double mirrored(unsigned i, unsigned base) {
 }
 
 /* Six normal numbers that fill space evenly: Halton's points by Box and Muller's transform. */
-static void draw(unsigned i, double z[6]) {
+static void normal_numbers(unsigned i, double z[6]) {
     static const unsigned bases[6] = {2, 3, 5, 7, 11, 13};
     for (int k = 0; k < 6; k += 2) {
         double radius = sqrt(-2 * log(1 - mirrored(i, bases[k])));
@@ -37,8 +37,14 @@ static void draw(unsigned i, double z[6]) {
     }
 }
 
-/* Lower triangle l with l l^T = c; rows that c gives no room are zero. */
-static void factor(const double c[36], double l[36]) {
+static double largest_sigma(const double c[36]) {
+    double most = 0;
+    for (int i = 0; i < 6; i++) most = fmax(most, c[7 * i]);
+    return sqrt(most);
+}
+
+void search_spread(const double c[36], double l[36]) {
+    double shrink = fmin(1, MOST_SIGMA / largest_sigma(c));
     memset(l, 0, 36 * sizeof *l);
     for (int j = 0; j < 6; j++) {
         double diagonal = c[7 * j];
@@ -51,12 +57,16 @@ static void factor(const double c[36], double l[36]) {
             l[6 * i + j] = s / l[7 * j];
         }
     }
+    for (int i = 0; i < 36; i++) l[i] *= shrink;
 }
 
-static double largest_sigma(const double c[36]) {
-    double most = 0;
-    for (int i = 0; i < 6; i++) most = fmax(most, c[7 * i]);
-    return sqrt(most);
+void search_draw(const double spread[36], int i, unsigned drawn, double twist[6]) {
+    double z[6];
+    memset(twist, 0, 6 * sizeof *twist);
+    if (i == 0) return; /* the seed itself */
+    normal_numbers(drawn, z);
+    for (int j = 0; j < 6; j++)
+        for (int k = 0; k <= j; k++) twist[j] += spread[6 * j + k] * z[k];
 }
 
 /* So many points of the scan lie on the surface, the doubtful ones in part. */
@@ -82,7 +92,6 @@ static int keep(hypothesis *kept, int count, int room, const hypothesis *h) {
             break;
         }
     int at = count < room ? count++ : room - 1;
-    if (at == room - 1 && count == room && kept[at].score >= h->score && at < count - 1) return count;
     for (; at > 0 && kept[at - 1].score < h->score; at--) kept[at] = kept[at - 1];
     kept[at] = *h;
     return count;
@@ -105,19 +114,13 @@ static void refine(aligner *a, device *d, depth_maps *maps, model_view *w, hypot
 int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, raycaster *r, const pose *seed,
                  const double covariance[36], unsigned *drawn, pose best[SEARCH_BEST]) {
     hypothesis kept[KEPT], refined[SEARCH_BEST];
-    double l[36], sigma = largest_sigma(covariance), shrink = fmin(1, MOST_SIGMA / sigma);
+    double spread[36], twist[6], sigma = largest_sigma(covariance);
     int count = 0, found = 0, tries = sigma < 0.05 ? 24 : sigma < 0.2 ? 64 : 128;
     normal_equations e;
-    factor(covariance, l);
+    search_spread(covariance, spread);
     model_view_cast_wide(w, d, r, seed);
     for (int i = 0; i < tries; i++) {
-        double z[6], twist[6];
-        draw((*drawn)++, z);
-        for (int j = 0; j < 6; j++) {
-            twist[j] = 0;
-            for (int k = 0; k <= j; k++) twist[j] += shrink * l[6 * j + k] * z[k];
-        }
-        if (i == 0) memset(twist, 0, sizeof twist); /* the seed itself */
+        search_draw(spread, i, (*drawn)++, twist);
         hypothesis h = {.motion = pose_exp(twist)};
         h.score = score(a, d, maps, w, &h.motion, &e);
         if (d->error != FATHOM_OK) return 0;

@@ -8,6 +8,13 @@
 
 #define SEARCH_BEST 3
 
+/* The lower triangle l with l l^T = covariance, shrunk so that the largest sigma is 0.7 at most: a seed that knows nothing is
+ * still looked for about where it is. Directions that the covariance gives no room are zero. */
+void search_spread(const double covariance[36], double l[36]);
+
+/* Hypothesis i about the seed, as a twist: the seed itself first, then normal numbers as they are spread. drawn: which ones. */
+void search_draw(const double spread[36], int i, unsigned drawn, double twist[6]);
+
 /* Writes at most SEARCH_BEST poses, best first, and returns how many. covariance: of the seed, seed * exp(error).
  * *drawn counts the hypotheses of all calls, so that the next call tries others. Waits for the device. */
 int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, raycaster *r, const pose *seed,

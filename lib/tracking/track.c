@@ -103,9 +103,8 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
     /* maps cast from a start that was far off show another part of the surface: a second round from where the first has led */
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && a->icp.pairs > 0;
     if (recast && !model_maps_hold(&t->models, &a->icp.motion, FINEST)) {
-        align_prior led = *prior;
-        led.mean = a->icp.motion;
-        align_scan(t, &led.mean, &led, false, &a->icp);
+        pose led = a->icp.motion;
+        align_scan(t, &led, prior, false, &a->icp);
     }
     double began = now_ms();
     judge(c, &t->view, t->device, t->maps, t->raycaster, prior, t->valid, a);
@@ -137,9 +136,7 @@ static void search(tracker *t, const align_prior *seed, attempt *icp) {
     t->cost.ms_align += now_ms() - began;
     for (int i = 0; i < found; i++) {
         attempt other = *icp;
-        align_prior draw = *seed;
-        draw.mean = best[i];
-        track_attempt(t, &best[i], &draw, false, &other);
+        track_attempt(t, &best[i], seed, false, &other);
         if (other.verdict != FATHOM_VERDICT_TRACKING) continue;
         *icp = other;
         return;

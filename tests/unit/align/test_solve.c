@@ -426,6 +426,32 @@ static void a_prior_holds_what_a_plane_leaves_free(void **state) {
     assert_true(s.condition > 1e6);
 }
 
+/* What the pairs alone would add to the joint solution, times their information: the navigator takes that in, so that what it
+ * said itself as the prior doesn't come back to it as news. */
+static void the_pull_is_what_the_pairs_alone_would_add(void **state) {
+    (void)state;
+    for (uint64_t seed = 0; seed < 10; seed++) {
+        const double mean[6] = {0.01, -0.02, 0.005, 0.02, 0.01, -0.03};
+        random_pairs(seed);
+        for (int i = 0; i < PAIRS; i++) pairs[i].b = 0.5 * random_normal(random_key(seed, 5), (uint64_t)i);
+        normal_equations e = sums();
+        solve_prior prior = prior_of(mean, 0.03, 0.02);
+        solution alone, both;
+        assert_true(solve_alignment(&e, NULL, &alone));
+        assert_true(solve_alignment(&e, &prior, &both));
+        for (int r = 0; r < 6; r++) {
+            double want = 0, size = 0;
+            for (int c = 0; c < 6; c++) {
+                double part = both.information[6 * r + c] * (alone.twist[c] - both.twist[c]);
+                want += part;
+                size += fabs(part);
+            }
+            assert_true(size > 0.1);
+            assert_true(fabs(both.pull[r] - want) < 1e-6 * size);
+        }
+    }
+}
+
 static void nothing_to_solve_is_said(void **state) {
     (void)state;
     solution s;
@@ -472,6 +498,7 @@ int main(void) {
         cmocka_unit_test(covariance_is_what_a_monte_carlo_finds),
         cmocka_unit_test(pairs_and_prior_are_joined_by_their_information),
         cmocka_unit_test(a_prior_holds_what_a_plane_leaves_free),
+        cmocka_unit_test(the_pull_is_what_the_pairs_alone_would_add),
         cmocka_unit_test(nothing_to_solve_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
