@@ -18,7 +18,6 @@ void inertial_reset(inertial *n) {
     samples_reset(&n->samples);
     n->running = false;
     n->now = (navigation){.mismatch = 1, .corrected_ns = INT64_MIN, .corrected = pose_identity()};
-    n->past.count = 0;
     inertial_rig_reset(n);
     inertial_check_reset(n);
 }

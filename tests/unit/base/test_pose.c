@@ -249,6 +249,100 @@ static void transport_is_the_product_and_keeps_the_distance(void **state) {
     }
 }
 
+static void multiply6(const double a[36], const double b[36], double out[36]) {
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) {
+            out[6 * i + j] = 0;
+            for (int k = 0; k < 6; k++) out[6 * i + j] += a[6 * i + k] * b[6 * k + j];
+        }
+}
+
+/* Symmetric and positive: root root^T. */
+static void random_covariance(uint64_t which, double c[36]) {
+    double root[36], unit[36] = {0};
+    for (int i = 0; i < 36; i++) root[i] = (i % 7 == 0) + uniform(9000 + 36 * which + (uint64_t)i, -0.3, 0.3);
+    for (int i = 0; i < 6; i++) unit[7 * i] = 1;
+    covariance_transport(root, unit, c);
+}
+
+static void the_inverses_adjoint_is_the_adjoints_inverse(void **state) {
+    (void)state;
+    for (uint64_t k = 0; k < 50; k++) {
+        double there[36], back[36], both[36];
+        pose a = random_pose(k), inverse = pose_inverse(&a);
+        pose_adjoint(&a, there);
+        pose_adjoint(&inverse, back);
+        multiply6(there, back, both);
+        for (int i = 0; i < 36; i++) assert_true(fabs(both[i] - (i % 7 == 0)) < 1e-12);
+    }
+}
+
+static void the_products_adjoint_is_the_adjoints_product(void **state) {
+    (void)state;
+    for (uint64_t k = 0; k < 50; k++) {
+        double first[36], second[36], both[36], product[36];
+        pose a = random_pose(k), b = random_pose(k + 50), ab = pose_multiply(&a, &b);
+        pose_adjoint(&a, first);
+        pose_adjoint(&b, second);
+        pose_adjoint(&ab, both);
+        multiply6(first, second, product);
+        for (int i = 0; i < 36; i++) assert_true(fabs(both[i] - product[i]) < 1e-11);
+    }
+}
+
+static void a_covariance_carried_there_and_back_is_itself(void **state) {
+    (void)state;
+    for (uint64_t k = 0; k < 50; k++) {
+        double c[36], carried[36], adjoint[36], most = 0;
+        pose a = random_pose(k), inverse = pose_inverse(&a);
+        random_covariance(k, c);
+        pose_adjoint(&a, adjoint);
+        covariance_transport(adjoint, c, carried);
+        for (int i = 0; i < 36; i++) most = fmax(most, fabs(carried[i] - c[i]));
+        assert_true(most > 0.01);
+        pose_adjoint(&inverse, adjoint);
+        covariance_transport(adjoint, carried, carried);
+        for (int i = 0; i < 36; i++) assert_true(fabs(carried[i] - c[i]) < 1e-10);
+    }
+}
+
+/* Of errors drawn on the right of a pose: those on its left have the covariance that the adjoint carries it to. */
+static void a_carried_covariance_is_that_of_the_same_errors_on_the_other_side(void **state) {
+    (void)state;
+    const int draws = 20000;
+    double adjoint[36], c[36] = {0}, carried[36], found[36] = {0};
+    pose a = random_pose(3), inverse = pose_inverse(&a);
+    for (int i = 0; i < 6; i++) c[7 * i] = (i + 1) * 1e-8;
+    pose_adjoint(&a, adjoint);
+    covariance_transport(adjoint, c, carried);
+    for (int k = 0; k < draws; k++) {
+        double e[6], left[6];
+        for (int i = 0; i < 6; i++)
+            e[i] = sqrt(c[7 * i]) * random_normal(random_key(13, 1), (uint64_t)(6 * k + i));
+        pose error = pose_exp(e), moved = pose_multiply(&a, &error), other = pose_multiply(&moved, &inverse);
+        pose_log(&other, left);
+        for (int i = 0; i < 36; i++) found[i] += left[i / 6] * left[i % 6] / draws;
+    }
+    for (int i = 0; i < 36; i++)
+        assert_true(fabs(found[i] - carried[i]) < 0.05 * sqrt(carried[i / 6 * 7] * carried[i % 6 * 7]));
+}
+
+static void a_covariance_times_its_inverse_is_one(void **state) {
+    (void)state;
+    double c[36], inverse[36], both[36];
+    for (uint64_t k = 0; k < 50; k++) {
+        random_covariance(k, c);
+        assert_true(covariance_invert(c, inverse));
+        multiply6(c, inverse, both);
+        for (int i = 0; i < 36; i++) {
+            assert_true(fabs(both[i] - (i % 7 == 0)) < 1e-10);
+            assert_true(inverse[i] == inverse[6 * (i % 6) + i / 6]);
+        }
+    }
+    for (int i = 0; i < 6; i++) c[6 * 5 + i] = c[6 * i + 5] = 0; /* a direction that isn't uncertain */
+    assert_false(covariance_invert(c, inverse));
+}
+
 static void matrices_go_to_poses_and_back(void **state) {
     (void)state;
     for (uint64_t i = 0; i < 50; i++) {
@@ -315,6 +409,11 @@ int main(void) {
         cmocka_unit_test(adjoint_moves_a_twist_to_the_other_side),
         cmocka_unit_test(mahalanobis_has_the_values_worked_out_by_hand),
         cmocka_unit_test(transport_is_the_product_and_keeps_the_distance),
+        cmocka_unit_test(the_inverses_adjoint_is_the_adjoints_inverse),
+        cmocka_unit_test(the_products_adjoint_is_the_adjoints_product),
+        cmocka_unit_test(a_covariance_carried_there_and_back_is_itself),
+        cmocka_unit_test(a_carried_covariance_is_that_of_the_same_errors_on_the_other_side),
+        cmocka_unit_test(a_covariance_times_its_inverse_is_one),
         cmocka_unit_test(matrices_go_to_poses_and_back),
         cmocka_unit_test(bad_matrices_are_refused),
     };

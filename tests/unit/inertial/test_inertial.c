@@ -13,8 +13,10 @@
 #include <string.h>
 
 #include "simulate/counter_random.h"
+#include "base/covariance.h"
 #include "base/stamps.h"
 #include "inertial/inertial.h"
+#include "inertial/strapdown.h"
 
 #define SECOND 1000000000ll
 
@@ -170,6 +172,28 @@ static void reversed_interval_is_the_inverse(void **state) {
         assert_int_equal(inertial_estimate(&n, first[i], first[i], &there), FATHOM_OK);
         assert_true(pose_angle(&there.motion) == 0 && pose_distance(&there.motion) == 0);
     }
+}
+
+/* The error of the inverse, seen from the earlier camera: exp(a) m = m exp(inv(Ad(m)) a). */
+static void a_backward_estimates_covariance_is_the_forward_ones_carried_over(void **state) {
+    (void)state;
+    config.seed_noise_rad = config.seed_noise_m = 0;
+    config.imu_to_camera_translation[0] = 0.3f;
+    begin();
+    push_cone(200, 2);
+    const double turned[6] = {0.3, -0.7, 1.1, 0.2, 0.1, -0.4}, moved[6] = {0.02, 0.01, 0, 0.05, -0.02, 0.03};
+    pose before = pose_exp(turned), way = pose_exp(moved), after = pose_multiply(&before, &way);
+    inertial_correct(&n, &before, NULL, NULL, ns(0.3));
+    inertial_correct(&n, &after, NULL, NULL, ns(0.4));
+    inertial_motion there = estimate(0.5, 1.3), back = estimate(1.3, 0.5);
+    double adjoint[36], carried[36], largest = 0;
+    pose_adjoint(&there.motion, adjoint);
+    covariance_transport(adjoint, there.covariance, carried);
+    for (int i = 0; i < 36; i++) {
+        assert_true(fabs(back.covariance[i] - carried[i]) < 1e-9 * (carried[0] + carried[35]));
+        largest = fmax(largest, fabs(there.covariance[i] - carried[i]));
+    }
+    assert_true(largest > 0.1 * there.covariance[0]); /* it does differ */
 }
 
 static void beyond_the_samples_the_rate_is_held_and_trust_falls(void **state) {
@@ -399,6 +423,22 @@ static void a_still_start_finds_the_bias(void **state) {
     }
 }
 
+static void a_known_bias_gets_old(void **state) {
+    (void)state;
+    const double rate[3] = {0.5, 0.8, -0.3};
+    push_biased(2, 1, rate, true);
+    double fresh = n.samples.still.gyro_bias_sigma, first = n.samples.still.gyro_bias[0];
+    int64_t from = sample_at(&n.samples, n.samples.count - 1)->timestamp_ns;
+    for (int i = 1; i <= 200 * 60; i++) {
+        fathom_imu_sample s = {from + i * SECOND / 200, {0.5f, 0.5f * (float)(i % 20), 0}, {0, 0, 9.8f}};
+        assert_int_equal(inertial_push(&n, &s), FATHOM_OK);
+        if (i % 1000 == 0) inertial_drain(&n);
+    }
+    double old = n.samples.still.gyro_bias_sigma;
+    assert_true(n.samples.still.gyro_bias[0] == first); /* it was never still */
+    assert_true(fabs(sqrt(old * old - fresh * fresh) / (2e-4 * sqrt(60)) - 1) < 0.01);
+}
+
 static void a_moving_start_finds_none(void **state) {
     (void)state;
     const double rate[3] = {0.5, 0.8, -0.3};
@@ -423,6 +463,78 @@ static void a_moving_start_finds_none(void **state) {
     }
     inertial_drain(&n);
     for (int j = 0; j < 3; j++) assert_true(n.samples.still.gyro_bias[j] == 0);
+}
+
+/* ---- corrections ---------------------------------------------------------------------------------------------------- */
+
+/* Sliding evenly feels like rest: gyroscope and accelerometer say nothing. The poses may not tell either (a wall), but the
+ * navigator knows its velocity. */
+static void an_even_slide_is_no_rest(void **state) {
+    (void)state;
+    for (int moving = 0; moving < 2; moving++) {
+        const double nothing[36] = {0};
+        pose origin = pose_identity();
+        begin();
+        for (int i = 0; i <= 100; i++) {
+            fathom_imu_sample s = {ns(0.005 * i), {0.01f, 0, 0}, {0, -9.8f, 0}};
+            assert_int_equal(inertial_push(&n, &s), FATHOM_OK);
+        }
+        inertial_drain(&n);
+        inertial_correct(&n, &origin, NULL, NULL, ns(0.5));
+        n.now.state.v[0] = moving ? 0.06 : 0.03;
+        n.now.state.covariance[(NAVIGATOR_STATES + 1) * NAVIGATOR_VELOCITY] = 0.05 * 0.05;
+        timeline_restart(&n.past, &n.now);
+        for (int k = 1; k <= 10; k++) {
+            for (int i = 1; i <= 10; i++) {
+                fathom_imu_sample s = {ns(0.5 + 0.05 * k + 0.005 * (i - 10)), {0.01f, 0, 0}, {0, -9.8f, 0}};
+                assert_int_equal(inertial_push(&n, &s), FATHOM_OK);
+            }
+            inertial_drain(&n);
+            inertial_correct(&n, &origin, nothing, NULL, ns(0.5 + 0.05 * k));
+        }
+        assert_true(moving ? n.now.state.v[0] > 0.055 : n.now.state.v[0] < 0.01);
+        assert_true(moving ? n.samples.still.used == 0 : n.samples.still.used > 0);
+    }
+}
+
+/* A rig that has proved to be good meets a pose that is off by far: the stretch that led there is as uncertain as the misfit
+ * shows, not as those before it were. */
+static void a_sudden_misfit_widens_the_stretch_that_it_happened_in(void **state) {
+    (void)state;
+    double information[36] = {0}, before[36], after[36];
+    for (int i = 0; i < 6; i++) information[7 * i] = 1e6; /* 1 mm, 1 mrad */
+    pose p = pose_identity();
+    for (int k = 0; k <= 301; k++) {
+        for (int i = 1; i <= 6; i++) {
+            fathom_imu_sample s = {ns(k / 30.0) + (i - 6) * SECOND / 180,
+                                   {0.1f * (float)(i % 2 ? 1 : -1), 0, 0},
+                                   {0.3f * (float)(i % 2 ? 1 : -1), -9.8f, 0}};
+            assert_int_equal(inertial_push(&n, &s), FATHOM_OK);
+        }
+        inertial_drain(&n);
+        if (k <= 300) inertial_correct(&n, &p, information, NULL, ns(k / 30.0));
+    }
+    double known = n.now.mismatch;
+    assert_true(known < 0.2);
+    navigator foretold = n.now.state;
+    navigate(&n, &foretold, ns(301 / 30.0));
+    navigator_camera_covariance(&foretold, n.lever, before);
+    p.t[0] += 0.1;
+    inertial_correct(&n, &p, information, NULL, ns(301 / 30.0));
+    pose camera = navigator_camera(&n.now.state, n.lever);
+    assert_true(n.now.mismatch > 2 * known);
+    /* the same by hand, and what a stretch of the noise known before would make of it */
+    measurement m = measurement_of_pose(ns(301 / 30.0), &p, information, NULL, n.lever, config.pose_noise_rad,
+                                        config.pose_noise_m);
+    navigator widened = timeline_at(&n.past, n.past.count - 2)->after.state, narrow = foretold;
+    navigate(&n, &widened, ns(301 / 30.0)); /* by the mismatch that is known now */
+    navigator_camera_covariance(&widened, n.lever, after);
+    assert_true(after[21] > before[21]);
+    navigator_correct(&widened, &m, n.now.mismatch);
+    navigator_correct(&narrow, &m, known);
+    pose there = navigator_camera(&widened, n.lever), otherwise = navigator_camera(&narrow, n.lever);
+    assert_true(fabs(camera.t[0] - there.t[0]) < 1e-12);
+    assert_true(fabs(camera.t[0] - otherwise.t[0]) > 1e-4);
 }
 
 /* ---- bad samples -------------------------------------------------------------------------------------------------- */
@@ -572,6 +684,7 @@ int main(void) {
         cmocka_unit_test_setup(coning_converges_with_the_square_of_the_period, setup),
         cmocka_unit_test_setup(parts_compose_to_the_whole, setup),
         cmocka_unit_test_setup(reversed_interval_is_the_inverse, setup),
+        cmocka_unit_test_setup(a_backward_estimates_covariance_is_the_forward_ones_carried_over, setup),
         cmocka_unit_test_setup(beyond_the_samples_the_rate_is_held_and_trust_falls, setup),
         cmocka_unit_test_setup(a_gap_is_bridged_and_lowers_trust, setup),
         cmocka_unit_test_setup(mounting_turns_the_rate, setup),
@@ -580,7 +693,10 @@ int main(void) {
         cmocka_unit_test_setup(without_translation_the_accelerometer_does_not_count, setup),
         cmocka_unit_test_setup(absurd_stamps_stay_finite, setup),
         cmocka_unit_test_setup(a_still_start_finds_the_bias, setup),
+        cmocka_unit_test_setup(a_known_bias_gets_old, setup),
         cmocka_unit_test_setup(a_moving_start_finds_none, setup),
+        cmocka_unit_test_setup(an_even_slide_is_no_rest, setup),
+        cmocka_unit_test_setup(a_sudden_misfit_widens_the_stretch_that_it_happened_in, setup),
         cmocka_unit_test_setup(bad_samples_are_counted_and_dropped, setup),
         cmocka_unit_test_setup(a_full_ring_drops_the_newest_and_counts, setup),
         cmocka_unit_test_setup(nothing_known_is_said, setup),

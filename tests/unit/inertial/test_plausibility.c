@@ -285,6 +285,20 @@ static void each_mistake_is_named_and_acted_on(void **state) {
     assert_int_equal(failures, 0);
 }
 
+/* Moments that wrong samples have led to are nothing to go back to. */
+static void a_navigator_that_starts_again_has_no_past(void **state) {
+    (void)state;
+    scan s = usual_scan(1);
+    double when = run(&s, in_degrees);
+    assert_true(isfinite(when));
+    s.seconds = when + 1e-6; /* up to that frame */
+    run(&s, in_degrees);
+    assert_false(n.usable);
+    pose origin = pose_identity();
+    measurement m = measurement_of_pose(n.now.state.timestamp_ns - 1, &origin, NULL, NULL, n.lever, 0, 0);
+    assert_int_equal(inertial_measure(&n, &m), FATHOM_ERROR_TIME);
+}
+
 static void a_turned_part_is_told_its_mounting(void **state) {
     (void)state;
     static const double right[][3] = {{0.8, -1.2, 50}, {0, 0, -90}, {30, 20, 70}};
@@ -376,6 +390,28 @@ static void what_is_right_stays_silent(void **state) {
         }
 }
 
+/* Readings of the gyroscope's x: up to a peak in fine steps, there for some samples, and away again. */
+static void stay_at(plausibility *p, int64_t *t_ns, float peak) {
+    const float accel[3] = {NAN, NAN, NAN};
+    for (int i = 0; i < 12; i++) {
+        float gyro[3] = {i < 4 ? peak - 0.001f * (float)(4 - i) : i < 10 ? peak : 0.1f * (float)(12 - i), 0, 0};
+        plausibility_sample(p, *t_ns += 5000000, gyro, accel);
+    }
+}
+
+static void a_higher_peak_shows_that_the_ones_before_were_no_limit(void **state) {
+    (void)state;
+    const double mounting[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    plausibility p;
+    int64_t t = 0;
+    plausibility_start(&p, mounting, 9.8);
+    for (int i = 0; i < 8; i++) stay_at(&p, &t, 1 + 0.2f * (float)(i / 2)); /* twice at each */
+    assert_int_equal(p.gyro.health, FATHOM_IMU_UNCHECKED);
+    stay_at(&p, &t, 1.6f); /* for the third time */
+    assert_int_equal(p.gyro.health, FATHOM_IMU_SATURATED);
+    assert_true(fabs(p.gyro.scale - 1.6) < 1e-6);
+}
+
 static void a_camera_at_rest_proves_nothing(void **state) {
     (void)state;
     scan s = usual_scan(2);
@@ -409,8 +445,10 @@ static void names_are_all_different(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_mistake_is_named_and_acted_on),
+        cmocka_unit_test(a_navigator_that_starts_again_has_no_past),
         cmocka_unit_test(a_turned_part_is_told_its_mounting),
         cmocka_unit_test(what_is_right_stays_silent),
+        cmocka_unit_test(a_higher_peak_shows_that_the_ones_before_were_no_limit),
         cmocka_unit_test(a_camera_at_rest_proves_nothing),
         cmocka_unit_test(a_reset_forgets_the_mistake),
         cmocka_unit_test(names_are_all_different),
