@@ -119,6 +119,7 @@ static void second_attempt(tracker *t, const pose *seed, int64_t timestamp_ns, a
     if (undoubted(t->config, icp) || icp->verdict == FATHOM_VERDICT_NO_DEPTH ||
         !inertial_second_guess(t->inertial, seed, timestamp_ns, &guess.mean, guess.covariance))
         return;
+    other.by_velocity = true;
     track_attempt(t, &guess.mean, &guess, false, &other);
     if (fits_better(t->config, &other, icp)) *icp = other;
 }

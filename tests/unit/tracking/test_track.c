@@ -117,6 +117,31 @@ static void what_the_search_finds_beyond_the_seeds_sigmas_is_rejected(void **sta
     synthetic_stop(&s);
 }
 
+/* Inertia is sure of a wrong place, and isn't known to be right: where the last velocity leads the frame is found, and what is
+ * reported is the way from there. */
+static void what_the_last_velocity_finds_is_held_against_where_it_led(void **state) {
+    (void)state;
+    enum { SAMPLES = 200 };
+    static fathom_imu_sample samples[SAMPLES];
+    fathom_config c = synthetic_config(&desk[0]);
+    s = synthetic_start(&c);
+    f = s.scan;
+    int count = synthetic_imu(SCENE_DESK, 0, KNOWN, "consumer", 200, SAMPLES, samples), next = 0;
+    for (int i = 0; i < KNOWN; i++) {
+        for (; next < count && samples[next].timestamp_ns <= desk[i].timestamp_ns; next++)
+            fathom_push_imu(f, &samples[next]);
+        if (i < KNOWN - 1) assert_true(synthetic_step(f, &desk[i]).fused);
+    }
+    const double off[6] = {0, 0.1, 0, 0.3, 0, 0};
+    pose truth = truth_of(&desk[KNOWN - 1]);
+    align_prior seed = prior_of(&truth, off, 0.005, 0.005);
+    attempt icp;
+    assert_true(align_frame(&desk[KNOWN - 1], &seed, &icp));
+    assert_true(icp.by_velocity && !icp.searched);
+    assert_true(icp.translation_m < 0.03 && icp.rotation_rad < 0.03 && icp.innovation < 3);
+    synthetic_stop(&s);
+}
+
 /* A wall tells its distance and tilt; the rest is inertia's, wherever alignment began. */
 static void what_a_wall_leaves_free_is_held_by_the_prior_and_not_by_the_start(void **state) {
     (void)state;
@@ -299,6 +324,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_the_search_finds_is_held_against_the_seed),
         cmocka_unit_test(what_the_search_finds_beyond_the_seeds_sigmas_is_rejected),
+        cmocka_unit_test(what_the_last_velocity_finds_is_held_against_where_it_led),
         cmocka_unit_test(what_a_wall_leaves_free_is_held_by_the_prior_and_not_by_the_start),
         cmocka_unit_test(a_failed_attempt_costs_too),
         cmocka_unit_test(maps_serve_again_until_the_camera_has_moved_or_turned),
