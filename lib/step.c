@@ -39,33 +39,39 @@ static void first_turn(fathom *f, const fathom_depth_frame *scan, fathom_result 
     r->verdict = FATHOM_VERDICT_TRACKING;
 }
 
+/* What the frame teaches: the navigator gets its pose, or goes on alone; the pose that never jumps goes on by its motion. */
+static void learn(fathom *f, const inertial_motion *d, const attempt *best, bool tracking, int64_t timestamp_ns) {
+    const alignment *icp = &best->icp;
+    if (tracking || best->verdict == FATHOM_VERDICT_UNCERTAIN)
+        inertial_correct(&f->inertial, &f->pose, icp->information, icp->pull, timestamp_ns);
+    else
+        inertial_advance(&f->inertial, timestamp_ns);
+    bool settled = settled_by_geometry(&f->config, best);
+    inertial_check(&f->inertial, settled ? &icp->motion : NULL, tracking, timestamp_ns);
+    odometry_advance(&f->odometry, &d->motion, d->covariance, &f->pose, f->covariance, tracking,
+                     seconds_between(f->timestamp_ns, timestamp_ns));
+}
+
 static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
-    attempt icp;
+    attempt best;
+    const alignment *icp = &best.icp;
     inertial_motion d = inertial_seed(&f->inertial, f->covariance, f->timestamp_ns, scan->timestamp_ns);
     align_prior seed = seed_at(&f->pose, &d); /* M * d */
-    bool tracking = track(&f->tracker, scan, &seed, &icp);
+    bool tracking = track(&f->tracker, scan, &seed, &best);
     if (tracking) {
-        if (!f->paused) fuse(&f->fusing, &icp.icp.motion, r);
-        move(f, &icp.icp.motion, icp.icp.covariance);
+        if (!f->paused) fuse(&f->fusing, &icp->motion, r);
+        move(f, &icp->motion, icp->covariance);
         track_keep(&f->tracker, &f->pose);
-    } else if (icp.verdict == FATHOM_VERDICT_UNCERTAIN) { /* some directions are known: a wall's distance and tilt */
-        move(f, &icp.icp.motion, icp.icp.covariance);
+    } else if (best.verdict == FATHOM_VERDICT_UNCERTAIN) { /* some directions are known: a wall's distance and tilt */
+        move(f, &icp->motion, icp->covariance);
     } else {
         move(f, &seed.mean, seed.covariance);
     }
-
-    odometry_advance(&f->odometry, &d.motion, d.covariance, &f->pose, f->covariance, tracking,
-                     seconds_between(f->timestamp_ns, scan->timestamp_ns));
     bool lost = covariance_position_sigma(f->covariance) > f->config.max_reckoned_sigma_m;
     r->state = tracking ? FATHOM_TRACKED : lost ? FATHOM_LOST : FATHOM_RECKONED;
-    if (tracking || icp.verdict == FATHOM_VERDICT_UNCERTAIN)
-        inertial_correct(&f->inertial, &f->pose, icp.icp.information, icp.icp.pull, scan->timestamp_ns);
-    else
-        inertial_advance(&f->inertial, scan->timestamp_ns);
-    bool settled = settled_by_geometry(&f->config, &icp);
-    inertial_check(&f->inertial, settled ? &icp.icp.motion : NULL, tracking, scan->timestamp_ns);
-    track_settle(&f->tracker, r->state, icp.verdict);
-    report_alignment(&icp, &f->tracker.cost, r);
+    learn(f, &d, &best, tracking, scan->timestamp_ns);
+    track_settle(&f->tracker, r->state, best.verdict);
+    report_alignment(&best, &f->tracker.cost, r);
 }
 
 static void report(fathom *f, fathom_result *r) {
