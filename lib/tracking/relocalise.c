@@ -11,11 +11,6 @@
 #define REFINEMENTS 3
 #define MOST_SIGMA 0.7 /* m and rad: a seed that knows nothing is still tried near where it is */
 
-typedef struct {
-    pose motion; /* to the seed's camera */
-    double score;
-} hypothesis;
-
 /* Van der Corput's sequence: the digits of i mirrored at the point. */
 static double mirrored(unsigned i, unsigned base) {
     double f = 1, r = 0;
@@ -82,8 +77,7 @@ static bool same(const pose *a, const pose *b) {
     return pose_distance(&way) < APART_M && pose_angle(&way) < APART_RAD;
 }
 
-/* Best first; of two that are the same the better one stays. */
-static int keep(hypothesis *kept, int count, int room, const hypothesis *h) {
+int search_keep(hypothesis *kept, int count, int room, const hypothesis *h) {
     for (int i = 0; i < count; i++)
         if (same(&kept[i].motion, &h->motion)) {
             if (kept[i].score >= h->score) return count;
@@ -125,12 +119,12 @@ int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, raycast
         h.score = score(a, d, maps, w, &h.motion, &e);
         if (d->error != FATHOM_OK) return 0;
         if (h.score > 0 && (count < KEPT || h.score > kept[count - 1].score))
-            count = keep(kept, count, KEPT, &h);
+            count = search_keep(kept, count, KEPT, &h);
     }
     for (int i = 0; i < count; i++) {
         refine(a, d, maps, w, &kept[i]);
         if (found < SEARCH_BEST || kept[i].score > refined[found - 1].score)
-            found = keep(refined, found, SEARCH_BEST, &kept[i]);
+            found = search_keep(refined, found, SEARCH_BEST, &kept[i]);
     }
     for (int i = 0; i < found; i++) best[i] = pose_multiply(seed, &refined[i].motion);
     return found;

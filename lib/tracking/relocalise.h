@@ -15,6 +15,15 @@ void search_spread(const double covariance[36], double l[36]);
 /* Hypothesis i about the seed, as a twist: the seed itself first, then normal numbers as they are spread. drawn: which ones. */
 void search_draw(const double spread[36], int i, unsigned drawn, double twist[6]);
 
+typedef struct {
+    pose motion; /* to the seed's camera */
+    double score;
+} hypothesis;
+
+/* Keeps a list of the best, best first; of two that are the same (5 cm and 0.05 rad) the better one stays. Returns how many there
+ * are now. The list is full with `room`; then h must be better than the last. */
+int search_keep(hypothesis *kept, int count, int room, const hypothesis *h);
+
 /* Writes at most SEARCH_BEST poses, best first, and returns how many. covariance: of the seed, seed * exp(error).
  * *drawn counts the hypotheses of all calls, so that the next call tries others. Waits for the device. */
 int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, raycaster *r, const pose *seed,

@@ -439,6 +439,15 @@ static void the_pull_is_what_the_pairs_alone_would_add(void **state) {
         solution alone, both;
         assert_true(solve_alignment(&e, NULL, &alone));
         assert_true(solve_alignment(&e, &prior, &both));
+        double direct = 0; /* and the residual is that of the pairs at the joint solution */
+        for (int i = 0; i < PAIRS; i++) {
+            static const double origin[3];
+            double a[6], left = -pairs[i].b;
+            row_of(&pairs[i], origin, a);
+            for (int j = 0; j < 6; j++) left += a[j] * both.twist[j];
+            direct += pairs[i].w * left * left;
+        }
+        assert_true(fabs(both.residual - direct) < 1e-9 * direct && direct > 1.0001 * alone.residual);
         for (int r = 0; r < 6; r++) {
             double want = 0, size = 0;
             for (int c = 0; c < 6; c++) {
