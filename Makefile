@@ -145,6 +145,7 @@ help:
 	@echo "make bench-scale  time and memory as the work grows: depth, voxels, way, threads; into docs/SCALE.md"
 	@echo "make instructions  count the stages' instructions into tests/bench/instructions.txt, which make check holds"
 	@echo "make reproduce  the paper's claims as experiments, into docs/RESULTS.md (SECTIONS=a,d: only these)"
+	@echo "make settings   docs/SETTINGS.md from the library's table of settings"
 	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
 	@echo "make clean      remove build/ and out/"
 
@@ -184,6 +185,11 @@ SECTIONS ?= a,b,c,d,e,f,g
 reproduce: deps
 	@$(MAKE) --no-print-directory all reproduce-tools
 	sh tests/reproduce/reproduce.sh $(BUILD) --sections $(SECTIONS) $(REPRODUCE)
+
+# The page of settings; make check holds it to the table.
+.PHONY: settings
+settings: all
+	$(BUILD)/fathom info --settings --markdown > docs/SETTINGS.md
 
 install: all
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include $(DESTDIR)$(PREFIX)/bin
@@ -287,7 +293,7 @@ $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
 HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,$(addprefix tests/bench/,heap.c heap_count.c bench_replay.c) \
-             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c options.c option_values.c help.c cli.c log.c))
+             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c set_option.c near_name.c options.c option_values.c help.c cli.c log.c))
 $(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)

@@ -7,7 +7,8 @@
  *     fathom_recording_options options = {.log = my_log};
  *     fathom_recording *recording;
  *     fathom_recording_open(&recording, "kitchen", &options);
- *     fathom_config config = fathom_config_default();
+ *     fathom_config config;
+ *     fathom_config_init(&config);
  *     fathom_recording_configure(recording, &config);        // size, intrinsics, depth scale, mounting
  *     ...                                                    // fathom_init; then, for each frame i:
  *     fathom_recording_read_depth(recording, i, pixels);
@@ -149,23 +150,6 @@ FATHOM_API int fathom_recording_pose_at(const fathom_recording *recording, int64
  * One thread uses a source; fathom_source_cancel and fathom_source_status may be called from any other (cancel
  * from a signal handler too). Opening and starting take memory from the heap; waiting and reading don't.
  */
-
-/* What sources return beside fathom_error's values. */
-typedef enum {
-    FATHOM_ERROR_TIMEOUT = -20,    /* nothing arrived in time; the source goes on */
-    FATHOM_ERROR_CANCELLED = -21,  /* fathom_source_cancel was called; the next wait works again */
-    FATHOM_ERROR_ENDED = -22,      /* a recording has no more; everything was read */
-    FATHOM_ERROR_UNPLUGGED = -23,  /* the device is gone, and reconnecting wasn't asked for */
-    FATHOM_ERROR_PERMISSION = -24, /* the device is there, and this user may not open it; the log has the fix */
-    FATHOM_ERROR_BUSY = -25,       /* another program holds it */
-    FATHOM_ERROR_NO_DEVICE = -26,  /* no such device */
-    FATHOM_ERROR_NOT_BUILT = -27,  /* this build was made without the driver */
-    FATHOM_ERROR_PROTOCOL = -28,   /* the device answers what it shouldn't */
-    FATHOM_ERROR_UNSUPPORTED = -29 /* this source can't do that, or not in this mode */
-} fathom_source_error;
-
-/* "FATHOM_ERROR_TIMEOUT", ...; for fathom_error's values the same as fathom_error_name. Never NULL. */
-FATHOM_API const char *fathom_source_error_name(int error);
 
 /* What a source gives; or-ed. */
 enum { FATHOM_SOURCE_DEPTH = 1, FATHOM_SOURCE_IMU = 2, FATHOM_SOURCE_COLOR = 4 };

@@ -76,22 +76,6 @@ bool fathom_source_driver(int index, fathom_source_driver_info *info) {
 
 /* ---- names ---- */
 
-const char *fathom_source_error_name(int error) {
-    switch (error) {
-    case FATHOM_ERROR_TIMEOUT: return "FATHOM_ERROR_TIMEOUT";
-    case FATHOM_ERROR_CANCELLED: return "FATHOM_ERROR_CANCELLED";
-    case FATHOM_ERROR_ENDED: return "FATHOM_ERROR_ENDED";
-    case FATHOM_ERROR_UNPLUGGED: return "FATHOM_ERROR_UNPLUGGED";
-    case FATHOM_ERROR_PERMISSION: return "FATHOM_ERROR_PERMISSION";
-    case FATHOM_ERROR_BUSY: return "FATHOM_ERROR_BUSY";
-    case FATHOM_ERROR_NO_DEVICE: return "FATHOM_ERROR_NO_DEVICE";
-    case FATHOM_ERROR_NOT_BUILT: return "FATHOM_ERROR_NOT_BUILT";
-    case FATHOM_ERROR_PROTOCOL: return "FATHOM_ERROR_PROTOCOL";
-    case FATHOM_ERROR_UNSUPPORTED: return "FATHOM_ERROR_UNSUPPORTED";
-    }
-    return fathom_error_name(error);
-}
-
 const char *fathom_source_state_name(fathom_source_state state) {
     switch (state) {
     case FATHOM_SOURCE_STOPPED: return "stopped";
@@ -250,11 +234,8 @@ void fathom_source_configure(fathom_source *source, fathom_config *config) {
         return;
     }
     if (source->does->status(source, &status) || status.width == 0) return;
-    config->depth_width = status.width;
-    config->depth_height = status.height;
-    config->fx = (float)status.intrinsics[0];
-    config->fy = (float)status.intrinsics[1];
-    config->cx = (float)status.intrinsics[2];
-    config->cy = (float)status.intrinsics[3];
+    const double *k = status.intrinsics;
+    config->depth_camera = (fathom_pinhole){
+        .width = status.width, .height = status.height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
     config->depth_units_per_metre = (float)status.depth_units_per_metre;
 }

@@ -17,35 +17,35 @@ static void take_frame(double z) {
         }
 }
 
-static int fail(const char *what, int error) {
-    fprintf(stderr, "%s: %s\n", what, fathom_error_name(error));
-    return 1;
-}
-
 int main(void) {
-    fathom_config config = fathom_config_default();
-    config.depth_width = WIDTH;
-    config.depth_height = HEIGHT;
-    config.fx = config.fy = 262.5f;
-    config.cx = 159.5f;
-    config.cy = 119.5f;
+    fathom_config config;
+    fathom_config_init(&config);
+    config.depth_camera =
+        (fathom_pinhole){.width = WIDTH, .height = HEIGHT, .fx = 262.5, .fy = 262.5, .cx = 159.5, .cy = 119.5};
 
-    int64_t bytes = fathom_memory_required(&config);
-    if (bytes < 0) return fail("fathom_memory_required", (int)bytes);
-    void *memory = malloc((size_t)bytes);
-    fathom *scan;
-    int error = memory ? fathom_init(&scan, &config, memory, (size_t)bytes) : FATHOM_ERROR_MEMORY;
-    if (error < 0) return fail("fathom_init", error);
-
+    char why[256] = "out of memory";
+    fathom *scan = NULL;
+    int64_t bytes = fathom_memory_required(&config, why, sizeof why);
+    void *memory = bytes > 0 ? malloc((size_t)bytes) : NULL;
+    if (!memory || fathom_init(&scan, &config, memory, (size_t)bytes, why, sizeof why) != FATHOM_OK) {
+        fprintf(stderr, "%s\n", why);
+        return 1;
+    }
     for (int i = 0; i < 2; i++) {
         take_frame(0.01 * i);
         /* with an inertial sensor: fathom_push_imu for each sample up to here */
-        fathom_depth_frame frame = {i * INT64_C(33333333), depth, WIDTH, HEIGHT};
-        fathom_result result;
-        error = fathom_step(scan, &frame, &result);
-        if (error < 0) return fail("fathom_step", error);
-        printf("%s: x %.4f y %.4f z %.4f m\n", fathom_state_name(result.state), result.pose[3], result.pose[7],
-               result.pose[11]);
+        fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                    .timestamp_ns = i * INT64_C(33333333),
+                                    .depth = depth,
+                                    .width = WIDTH,
+                                    .height = HEIGHT};
+        fathom_result result = FATHOM_STRUCT(fathom_result);
+        if (fathom_step(scan, &frame, &result) != FATHOM_OK) {
+            fprintf(stderr, "%s\n", fathom_last_error(scan));
+            return 1;
+        }
+        const double *p = result.pose.position;
+        printf("%s: x %.4f y %.4f z %.4f m\n", fathom_state_name(result.state), p[0], p[1], p[2]);
     }
     fathom_close(scan);
     free(memory);

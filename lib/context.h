@@ -2,6 +2,9 @@
 #ifndef FATHOM_CONTEXT_H
 #define FATHOM_CONTEXT_H
 
+#include <stdatomic.h>
+
+#include "base/error_text.h"
 #include "inertial/inertial.h"
 #include "map/fusing.h"
 #include "map/view.h"
@@ -9,8 +12,16 @@
 #include "tracking/odometry.h"
 #include "tracking/track.h"
 
+/* The latest results, in a ring. */
+typedef struct {
+    fathom_result *results; /* FATHOM_RECENT; in the block, not in the context: a scratch context lies on the stack */
+    int64_t count;          /* ever put in */
+} recent;
+
 struct fathom {
-    fathom_config config;
+    fathom_config config; /* its log leads through the error text */
+    error_text error;
+    atomic_bool dead; /* OpenCL has failed; for the thread that pushes samples */
     device device;
     depth_maps maps;
     volume volume;
@@ -34,6 +45,7 @@ struct fathom {
     bool said_full; /* the log knows that the pool is full */
     int64_t frames_ignored;
     fathom_result result; /* of the last frame */
+    recent recent;
 };
 
 /* One turn of Figure 2 (lib/step.c); the frame has been checked. */

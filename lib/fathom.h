@@ -4,33 +4,47 @@
  * The library carries out Niessner, Dai, Fisher: "Combining Inertial Navigation and ICP for Real-time 3D Surface
  * Reconstruction" (Eurographics 2014 short papers), called "the paper" below; its loop (Figure 2) is fathom_step().
  *
- *     fathom_config config = fathom_config_default();        // edit what differs on your rig
- *     int64_t bytes = fathom_memory_required(&config);       // negative: a fathom_error
+ *     fathom_config config;
+ *     fathom_config_init(&config);                           // edit what differs on your rig
+ *     char why[256];
+ *     int64_t bytes = fathom_memory_required(&config, why, sizeof why); // negative: a fathom_error
  *     fathom *scan;
- *     fathom_init(&scan, &config, malloc(bytes), bytes);     // or a static array
+ *     fathom_init(&scan, &config, malloc(bytes), bytes, why, sizeof why); // or a static array
  *     fathom_push_imu(scan, &sample);                        // from any one thread, as samples arrive
+ *     fathom_result result = FATHOM_STRUCT(fathom_result);
  *     fathom_step(scan, &frame, &result);                    // from one thread, once for each depth frame
  *     fathom_close(scan);                                    // the block is the caller's again
  *
+ * Structs
+ *   A struct whose first field is struct_size may grow at its end in later versions. The caller sets struct_size to the
+ *   size that its own header gives the struct: by FATHOM_STRUCT(type), by fathom_config_init() for the settings, or by
+ *   {.struct_size = sizeof s, ...}. The library reads and writes no more than that. Fields beyond a shorter struct take
+ *   their defaults. Of a struct that is longer than the library's, the rest must be zero where the library reads it,
+ *   and is zeroed where it writes. Structs without struct_size never change.
+ *   Enumerations in structs are int32_t, truth values are bool (one byte).
+ *
  * Frames and units
  *   Camera axes: x right, y down, z forward (the optical axis). A pixel's centre has integer coordinates.
- *   A pose maps camera to world: a row-major 4x4 float matrix, pose[4 * row + column], x_world = pose * x_camera.
+ *   A fathom_pose maps camera to world.
  *   The world is the camera frame of the first depth frame, unless fathom_config.first_pose says otherwise.
  *   Metres, seconds, radians; stamps are int64 nanoseconds on one monotonic clock of the caller's choice.
  *   A 6-vector or 6x6 covariance of a pose is ordered rotation (3, radians) then translation (3, metres) and lives in
- *   the axes of the camera at that pose: true pose = pose * exp(error).
+ *   the axes of the camera at that pose: true pose = pose * exp(error). Matrices are row-major.
  *
  * Threads
- *   One thread may call fathom_push_imu while another calls everything else. A context is never shared by two
- *   stepping threads. Contexts are independent of each other; there is no global state.
+ *   Each function names its thread. "Any thread": at any time, it touches no context. "Stepping thread": one thread at a
+ *   time uses a context. "Sample thread": fathom_push_imu only; one thread may push while the stepping thread does anything
+ *   but fathom_init and fathom_close. Contexts are independent of each other; there is no global state.
  *
  * Memory
  *   Every host byte lives in the caller's block; after fathom_init no call takes memory from the heap by the library's
- *   own code (the OpenCL runtime and the caller's callbacks are their own masters). Where the OpenCL device shares the
- *   host's memory (PoCL on a CPU) its buffers lie in the block as well.
+ *   own code (the OpenCL runtime and the caller's callbacks may allocate). Where the OpenCL device shares the host's memory
+ *   (PoCL on a CPU) its buffers lie in the block as well.
  *
  * Errors
- *   Functions return FATHOM_OK (0) or a positive result, or a negative fathom_error. The log callback gets the details.
+ *   Functions return FATHOM_OK (0) or a positive result, or a negative fathom_error. fathom_last_error() and the log have
+ *   the details. When OpenCL fails the context is dead: every later call on it returns FATHOM_ERROR_DEVICE until it is
+ *   closed.
  */
 #ifndef FATHOM_H
 #define FATHOM_H
@@ -40,7 +54,7 @@
 #include <stdint.h>
 
 #define FATHOM_VERSION_MAJOR 0
-#define FATHOM_VERSION_MINOR 1
+#define FATHOM_VERSION_MINOR 2
 #define FATHOM_VERSION_PATCH 0
 
 #if defined(__GNUC__)
@@ -59,29 +73,94 @@ typedef struct fathom fathom;
 /* The version of the library that is running, as "major.minor.patch". Any thread. */
 FATHOM_API const char *fathom_version(void);
 
+/* A zeroed struct with its struct_size set, for any struct that has one:
+ *     fathom_result result = FATHOM_STRUCT(fathom_result); */
+#ifdef __cplusplus
+extern "C++" {
+template <typename type> inline type fathom_struct() {
+    type s = type();
+    s.struct_size = static_cast<uint32_t>(sizeof s);
+    return s;
+}
+}
+#define FATHOM_STRUCT(type) fathom_struct<type>()
+#else
+#define FATHOM_STRUCT(type) ((type){.struct_size = sizeof(type)})
+#endif
+
 /* ---- errors ------------------------------------------------------------------------------------------------------ */
 
+/* Of the library and of libfathom-drivers. */
 typedef enum {
     FATHOM_OK = 0,
-    FATHOM_ERROR_ARGUMENT = -1, /* an argument is NULL, not finite or out of range; the log names it */
-    FATHOM_ERROR_CONFIG = -2,   /* a setting is out of range or two disagree; the log names it */
-    FATHOM_ERROR_MEMORY = -3,   /* the block is short or misaligned, or max_memory_bytes can't hold the settings */
-    FATHOM_ERROR_DEVICE = -4,   /* no OpenCL platform or device, or an OpenCL call failed; the log has its code */
-    FATHOM_ERROR_KERNEL = -5,   /* a kernel didn't build; the log has the compiler's words */
-    FATHOM_ERROR_TIME = -6,     /* a depth frame's stamp doesn't come after the one before; the frame was ignored */
-    FATHOM_ERROR_SIZE = -7,     /* a depth frame has another size than the settings; the frame was ignored */
-    FATHOM_ERROR_STOPPED = -8,  /* a callback of the caller asked to stop */
-    FATHOM_ERROR_NO_DATA = -9   /* nothing there to answer with: no IMU samples in the range, no frame yet */
+    FATHOM_ERROR_ARGUMENT = -1,    /* an argument is NULL, not finite or out of range */
+    FATHOM_ERROR_CONFIG = -2,      /* a setting is out of range, or two disagree */
+    FATHOM_ERROR_MEMORY = -3,      /* the block is short, or max_memory_bytes can't hold the settings; drivers: the heap */
+    FATHOM_ERROR_DEVICE = -4,      /* no OpenCL platform or device, or an OpenCL call failed */
+    FATHOM_ERROR_KERNEL = -5,      /* a kernel didn't build; the log has the compiler's words */
+    FATHOM_ERROR_TIME = -6,        /* a depth frame's stamp doesn't come after the one before; the frame was ignored */
+    FATHOM_ERROR_SIZE = -7,        /* a depth frame has another size than the settings; the frame was ignored */
+    FATHOM_ERROR_STOPPED = -8,     /* the caller's callback stopped the call */
+    FATHOM_ERROR_NO_DATA = -9,     /* nothing there to answer with: no IMU samples in the range, no frame, no file */
+    FATHOM_ERROR_FULL = -10,       /* a ring is full; what was pushed is dropped and counted */
+    FATHOM_ERROR_NAME = -11,       /* there is no setting of that name */
+    FATHOM_ERROR_VALUE = -12,      /* the text is not a value of the setting's type */
+    FATHOM_ERROR_TIMEOUT = -20,    /* nothing arrived in time; the source goes on */
+    FATHOM_ERROR_CANCELLED = -21,  /* fathom_source_cancel was called; the next wait works again */
+    FATHOM_ERROR_ENDED = -22,      /* a recording has no more; everything was read */
+    FATHOM_ERROR_UNPLUGGED = -23,  /* the device is gone, and the options don't reconnect */
+    FATHOM_ERROR_PERMISSION = -24, /* the device is there, and this user may not open it; the log has the fix */
+    FATHOM_ERROR_BUSY = -25,       /* another program holds the device */
+    FATHOM_ERROR_NO_DEVICE = -26,  /* no such device */
+    FATHOM_ERROR_NOT_BUILT = -27,  /* this build was made without the driver */
+    FATHOM_ERROR_PROTOCOL = -28,   /* the device breaks its protocol */
+    FATHOM_ERROR_UNSUPPORTED = -29 /* the source can't do that, or not in this mode */
 } fathom_error;
 
 /* A short name, such as "FATHOM_ERROR_MEMORY", for any value. Never NULL; static storage. Any thread. */
-FATHOM_API const char *fathom_error_name(int error);
+FATHOM_API const char *fathom_error_name(int32_t error);
+
+/* Why the latest call on the context failed, in words: one line of at most 255 bytes, "" when none has failed yet. The
+ * text stays until the next failure. fathom_push_imu leaves none. NULL gives "". Stepping thread. */
+FATHOM_API const char *fathom_last_error(const fathom *context);
 
 typedef enum { FATHOM_LOG_ERROR = 0, FATHOM_LOG_WARNING = 1, FATHOM_LOG_INFO = 2 } fathom_log_level;
 
 /* Gets one message, without a newline at its end (a kernel's build log may have several lines). text is valid during
  * the call only. Called from the thread that called the library. */
 typedef void (*fathom_log)(void *user, fathom_log_level level, const char *text);
+
+/* ---- poses and cameras -------------------------------------------------------------------------------------------- */
+
+/* A rigid motion: x_world = orientation * x_camera + position. */
+typedef struct {
+    double position[3];    /* metres */
+    double orientation[4]; /* unit quaternion x y z w; given ones may be off by 1e-3 in length */
+} fathom_pose;
+
+/* The pose as a 4x4 matrix, row-major: matrix[4 * row + column]. FATHOM_ERROR_ARGUMENT for a pose that isn't finite or whose
+ * orientation isn't of unit length. Any thread. */
+FATHOM_API int fathom_pose_to_matrix(const fathom_pose *pose, double matrix[16]);
+
+/* The same back. FATHOM_ERROR_ARGUMENT unless the matrix is finite and a right-handed rigid motion, to 1e-3. Any thread. */
+FATHOM_API int fathom_pose_from_matrix(const double matrix[16], fathom_pose *pose);
+
+/* How a lens departs from the pinhole; with x, y on the plane at depth one and r^2 = x^2 + y^2 (OpenCV's formulas):
+ *     x' = x radial + 2 p1 x y + p2 (r^2 + 2 x^2),  y' = y radial + p1 (r^2 + 2 y^2) + 2 p2 x y */
+typedef enum {
+    FATHOM_LENS_PINHOLE = 0,   /* no distortion; the coefficients are not looked at */
+    FATHOM_LENS_FIVE = 1,      /* k1 k2 p1 p2 k3: radial = 1 + k1 r^2 + k2 r^4 + k3 r^6 (Brown-Conrady) */
+    FATHOM_LENS_RATIONAL = 2   /* k1 k2 p1 p2 k3 k4 k5 k6: the same over 1 + k4 r^2 + k5 r^4 + k6 r^6 */
+} fathom_lens;
+
+/* A camera's intrinsics. */
+typedef struct {
+    int32_t width, height;  /* pixels */
+    double fx, fy, cx, cy;  /* pixels, at that size */
+    double coefficients[8]; /* in the lens's order; those that the lens doesn't use are 0 */
+    int32_t lens;           /* fathom_lens */
+    int32_t unused;         /* 0 */
+} fathom_pinhole;
 
 /* ---- inertial samples and estimates ------------------------------------------------------------------------------ */
 
@@ -95,8 +174,10 @@ typedef struct {
 /* A relative motion: inv(M_from) * M_to, which maps coordinates in the later camera to the earlier one (the paper's
  * InertialEstimate, Section 3). */
 typedef struct {
-    float motion[16];     /* row-major 4x4 */
-    float covariance[36]; /* row-major 6x6, rotation then translation, in the later camera's axes */
+    uint32_t struct_size;
+    uint32_t unused;
+    fathom_pose motion;
+    double covariance[36]; /* 6x6, rotation then translation, in the later camera's axes */
 } fathom_motion;
 
 /* What is known of a gyroscope or an accelerometer, found out while scanning: by its samples alone, and by comparing them
@@ -118,9 +199,9 @@ typedef enum {
 } fathom_imu_health;
 
 /* "unchecked", "good", "saturated", "units", ... Never NULL; static storage. Any thread. */
-FATHOM_API const char *fathom_imu_health_name(fathom_imu_health health);
+FATHOM_API const char *fathom_imu_health_name(int32_t health);
 
-/* The caller's own InertialEstimate: fills *motion for the camera's way from from_ns to to_ns (depth clock). Returns
+/* The caller's own InertialEstimate: fills motion->motion and ->covariance, which are zeroed, for the camera's way from from_ns to to_ns (depth clock). Returns
  * FATHOM_OK, or FATHOM_ERROR_NO_DATA when it can't say (then the library's own estimate is used, as when what it gave is
  * not finite or not rigid). Called on the stepping thread from within fathom_step. */
 typedef int (*fathom_inertial_hook)(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motion);
@@ -170,127 +251,167 @@ typedef int (*fathom_block_hook)(void *user, const fathom_block *block);
 
 #define FATHOM_LEVELS 3 /* of the alignment pyramid: index 0 is the coarsest (a quarter), 2 the finest */
 
-/* All settings. Get one from fathom_config_default() and change what differs; zero means "the default" where a field
- * says so. Read during fathom_memory_required and fathom_init only: the library keeps a copy (but not of what the
- * pointers lead to, which must live as long as the context where it says so). */
+/* All settings. Fill one by fathom_config_init() and change what differs. Ranges, both ends allowed, and defaults
+ * stand beside the fields; fathom_get_setting() and `fathom info --settings` have them, too. Read during
+ * fathom_memory_required and fathom_init only: the library keeps a copy, but not of what the pointers lead to, which
+ * must live as long as they say. */
 typedef struct {
-    uint32_t struct_size; /* sizeof(fathom_config), set by fathom_config_default: tells the library the caller's version */
+    uint32_t struct_size; /* set by fathom_config_init */
 
-    /* depth camera */
-    int depth_width, depth_height; /* pixels of the depth frames; 16..4096. Default 640x480 */
-    float fx, fy, cx, cy;          /* pinhole intrinsics at that size, pixels. Default 525, 525, 319.5, 239.5 */
-    float distortion[5];           /* k1 k2 p1 p2 k3 (Brown-Conrady, OpenCV's order); all zero: none. Default none */
-    float depth_units_per_metre;   /* e.g. 1000 for millimetres, 5000 in TUM recordings. Default 1000 */
-    float min_depth_m, max_depth_m; /* depths outside are invalid. Default 0.3 and 5. 0 and 65535 are always invalid, and depth
-                                      whose sigma is more than two truncations */
-    float depth_noise_base_m;      /* depth error: sigma(z) = base + growth * z^2. Pairs and fusion are weighted by */
-    float depth_noise_growth_per_m;      /* 1/sigma^2 relative to that at 1 m. Defaults 0.0001 m and 0.003 1/m: a step of a
-                                      Kinect 360's disparity (Khoshelham and Elberink 2012, Section 3.2: 2.85 mm at 1 m) */
+    /* ---- depth camera ---- */
 
-    /* alignment (Section 2) */
-    int align_width, align_height; /* size of the maps; depth size over a whole number. 0: the largest up to max_align_width wide */
-    int max_align_width;                /* default 320; 16..4096 */
-    fathom_against against;        /* default FATHOM_AGAINST_MODEL */
-    fathom_prior prior;            /* default FATHOM_PRIOR_INFORMATION */
-    int max_iterations[FATHOM_LEVELS]; /* most iterations, coarsest to finest, without a usable seed. Default 10, 5, 4 */
-    int max_seeded_iterations[FATHOM_LEVELS]; /* the same with one. Default 0, 0, 4. 0..100 each; the last may be 0 only when
-                                             another level has some */
-    float max_seed_sigma_m;          /* a seed is usable when its translation's sigma is below this. Default 0.02 */
-    float max_model_reuse_m, max_model_reuse_rad; /* maps ray-cast from the surface serve the next frames too, until the camera has moved
-                                      so far, or a tenth of the pairs is gone. Defaults 0.04 and 0.06; 0: a ray-cast each frame */
-    float max_pair_distance_m;         /* a pair further apart is rejected, at the finest level (doubled at each coarser one).
-                                      Default 0.10; widened to three sigma of the seed */
-    float max_pair_angle_rad;          /* a pair whose normals differ by more is rejected. Default 0.7 (40 degrees) */
-    float huber_m;                 /* residual beyond which a pair's weight falls off as 1/|r|. Default 0.003 */
-    float min_update_rad, min_update_m; /* an update smaller than both ends a level. Default 1e-4 and 1e-4 */
-    float min_error_decrease;         /* a relative fall of the error below this ends a level. Default 1e-4 */
+    /* Minimum confidence of a valid pixel, in frames with a confidence plane. 0..255; default 0: any. Checked now;
+     * later versions use it. */
+    int32_t min_confidence;
+    /* Of the depth frames; 16..4096 pixels each way, any lens. Default 640x480; 525, 525, 319.5, 239.5; no
+     * distortion. */
+    fathom_pinhole depth_camera;
+    /* 1000 for millimetres, 5000 in TUM recordings. 0.001..1e7; default 1000. */
+    float depth_units_per_metre;
+    /* Depths outside are invalid. 0..100 and 0..1000 m; default 0.3 and 5. The values 0 and 65535 are always
+     * invalid, and so is depth whose sigma is more than two truncations. */
+    float min_depth_m, max_depth_m;
+    /* Depth error: sigma(z) = base + growth z^2. Pairs and fusion are weighted by 1/sigma^2 relative to that at 1 m.
+     * 1e-6..1 m and 0..1 1/m; default 0.0001 and 0.003: a step of a Kinect 360's disparity (Khoshelham and Elberink
+     * 2012, Section 3.2: 2.85 mm at 1 m). */
+    float depth_noise_base_m, depth_noise_growth_per_m;
 
-    /* verdict "tracking" (Section 2, last paragraph; docs/DESIGN.md gives the reasons for the defaults) */
-    float min_overlap;             /* kept pairs / pixels where both scan and model have a surface. Default 0.35 */
-    int min_pairs;                 /* kept pairs at the finest level used; 0: one in 100 pixels. Default 0 */
-    float max_rms_m;               /* weighted rms residual. Default 0.01 */
-    float max_condition;           /* kappa(A), centred and scaled, beyond which the weakest direction says nothing (a bare
-                                      wall reads 30 by its noise, rooms 2 to 8, a corridor up to 20). Default 22 */
-    float max_innovation_sigmas;   /* distance from seed to result in units of the seed's sigma. Default 6 */
-    float min_agreement;           /* of the pixels where the surface should be seen from the found pose and the frame sees
-                                      something: the part that agrees within agreement_tolerance_m. Default 0.75 */
-    float max_see_through;         /* the part of them that sees further, through the surface. Default 0.015 */
-    float min_evident_fraction;           /* an alignment from a usable seed is evident, and what the surface should look like isn't
-                                      ray-cast to be compared, when this part of the frame's valid pixels found pairs, and
-                                      result and seed agree within max_evident_sigmas. Default 0.6; above 1: never */
-    float max_evident_sigmas;          /* Default 1.5 */
-    float agreement_tolerance_m;             /* tolerance across the surface, beside a voxel and three sigma of the depth. Default 0.02 */
-    float max_sigma_m, max_sigma_rad; /* sigma of the found pose, inertia counted in: along a bare wall geometry says
-                                      nothing, and a pose that inertia doesn't hold either isn't fused. Default 0.02, 0.02 */
+    /* ---- alignment (Section 2) ---- */
 
-    /* surface */
-    float voxel_m;                 /* edge of a voxel. Default 0.01; 0.001..1 */
-    float truncation_m;            /* the signed distance is kept within this. 0: four voxels */
-    int max_blocks;                    /* blocks of 8x8x8 voxels in the pool, 2 KB each; 64 at least. 0: what
-                                      max_memory_bytes leaves */
-    fathom_full when_full;         /* what happens when the pool has no block left. Default FATHOM_FULL_STOP */
-    fathom_block_hook block_out, block_in; /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
+    /* Size of the maps: the depth size over a whole number. 0..4096 pixels; default 0, 0: the largest up to
+     * max_align_width. */
+    int32_t align_width, align_height;
+    int32_t max_align_width; /* 16..4096 pixels; default 320 */
+    int32_t against;         /* fathom_against; default FATHOM_AGAINST_MODEL */
+    int32_t prior;           /* fathom_prior; default FATHOM_PRIOR_INFORMATION */
+    /* Maximum iterations, coarsest to finest level, without a usable seed. 0..100 each, one of them at least 1;
+     * default 10, 5, 4. */
+    int32_t max_iterations[FATHOM_LEVELS];
+    /* The same from a usable seed. Default 0, 0, 4. */
+    int32_t max_seeded_iterations[FATHOM_LEVELS];
+    /* A seed is usable when the sigma of its translation is at most this. 0..100 m; default 0.02. */
+    float max_seed_sigma_m;
+    /* Maps ray-cast from the surface serve further frames until the camera has moved or turned more than this, or a
+     * tenth of the pairs is gone. 0..1e9; default 0.04 m and 0.06 rad; 0: a ray-cast per frame. */
+    float max_model_reuse_m, max_model_reuse_rad;
+    /* A pair further apart is rejected: at the finest level; doubled at each coarser one; widened to three sigma of
+     * the seed. 1e-4..10 m; default 0.1. */
+    float max_pair_distance_m;
+    /* a pair whose normals differ by more is rejected. 0.01..3.15 rad; default 0.7 (40 degrees) */
+    float max_pair_angle_rad;
+    float huber_m; /* residual beyond which a pair's weight falls off as 1/|r|. 1e-6..100 m; default 0.003 */
+    /* an update smaller than both ends a level. 0..1; default 1e-4 rad and 1e-4 m */
+    float min_update_rad, min_update_m;
+    float min_error_decrease; /* a relative decrease of the error below this ends a level. -1e9..1; default 1e-4 */
+
+    /* ---- verdict "tracking" (Section 2, last paragraph; docs/DESIGN.md gives the reasons for the defaults) ---- */
+
+    float min_overlap; /* kept pairs over pixels where both scan and model have a surface. 0..1; default 0.35 */
+    int32_t min_pairs; /* kept pairs at the finest level used. 0..1e9; default 0: one in 100 pixels */
+    float max_rms_m;   /* weighted rms residual. 1e-6..1e9 m; default 0.01 */
+    /* Condition number, centred and scaled, beyond which the weakest direction is unobserved (by noise alone a bare
+     * wall has 30, rooms 2 to 8, a corridor up to 20). 1..1e30; default 22. */
+    float max_condition;
+    float max_innovation_sigmas; /* distance from seed to result in sigmas of the seed. 0.1..1e30; default 6 */
+    /* Of the pixels where the surface should be seen from the found pose and the frame has depth: the fraction that
+     * agrees within agreement_tolerance_m, and the fraction that sees further, through the surface. 0..1; default
+     * 0.75, 0.015. */
+    float min_agreement, max_see_through;
+    /* An alignment from a usable seed is evident when this fraction of the frame's valid pixels found pairs, and
+     * result and seed agree within max_evident_sigmas; the predicted view isn't ray-cast to be compared then.
+     * 0..1e9; default 0.6 and 1.5; a fraction above 1: always compared. */
+    float min_evident_fraction, max_evident_sigmas;
+    /* across the surface, beside a voxel and three sigma of the depth. 1e-4..100 m; default 0.02 */
+    float agreement_tolerance_m;
+    /* Maximum sigma of a pose that is fused, inertia counted in: along a bare wall geometry is silent, and a pose
+     * that inertia doesn't hold either isn't fused. 1e-4..1000; default 0.02 m and 0.02 rad. */
+    float max_sigma_m, max_sigma_rad;
+
+    /* ---- surface and memory ---- */
+
+    float voxel_m;      /* edge of a voxel. 0.001..1 m; default 0.01 */
+    float truncation_m; /* the signed distance is kept within this. 0..10 m; default 0: four voxels */
+    int32_t max_blocks; /* blocks of 8x8x8 voxels, 2 KB each. 64..16777216; default 0: what max_memory_bytes leaves */
+    int32_t when_full;  /* fathom_full: what happens when no block is left. Default FATHOM_FULL_STOP */
+    /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
+    fathom_block_hook block_out, block_in;
     void *block_user;
-    float max_weight;              /* observations a voxel averages over, at 1 m; older ones fade. Default 100 */
-    bool fuse_behind;              /* fathom_step returns as soon as the pose is known, and the frame goes into the surface while
-                                      the next one is on its way: the same poses, sooner. Whatever asks for the surface waits.
-                                      A device that fails meanwhile is told of by the next call. Default false */
+    float max_weight; /* observations, at 1 m, that a voxel averages; older ones fade. 1..1000; default 100 */
+    /* fathom_step returns as soon as the pose is known, and the frame goes into the surface while the next one is on
+     * its way: the same poses, sooner. Calls that read the surface wait. A device that fails meanwhile is reported
+     * by the next call. Default false. */
+    bool fuse_behind;
+    int64_t max_memory_bytes; /* host and device together. 1048576..1e15; default 128 MB (128 << 20) */
 
-    /* memory */
-    int64_t max_memory_bytes;      /* most bytes, host and device together. Default 128 MB (128 << 20) */
+    /* ---- inertial sensor (Section 3) ---- */
 
-    /* inertial sensor (Section 3) */
-    bool imu;                      /* use inertial samples. Default true; without samples it does no harm */
-    bool imu_translation;          /* use the accelerometer (else translation goes on at constant velocity). Default true */
-    bool imu_check;                /* compare the IMU with the depth frames' motion and stop using it when it is wrong
-                                      (fathom_imu_health). Until it is known to be right, alignment is also tried from the
-                                      last velocity. Default true */
+    bool imu;             /* use inertial samples. Default true; without samples it does no harm */
+    bool imu_translation; /* use the accelerometer; else translation goes on at constant velocity. Default true */
+    /* Compare the IMU with the depth frames' motion and stop using it when it is wrong (fathom_imu_health). Until it
+     * is known to be right, alignment is also tried from the last velocity. Default true. */
+    bool imu_check;
     float imu_to_camera_rotation[9];    /* row-major: v_camera = R v_imu. Default identity */
-    float imu_to_camera_translation[3]; /* the IMU's origin in camera axes, metres. Default zero */
-    int64_t imu_clock_offset_ns;   /* added to an IMU stamp to get the depth clock. Default 0 */
-    bool refine_rig;               /* refine that rotation and that offset while scanning, by comparing the gyroscope with the
-                                      turning of well-aligned frames (fathom_get_rig): for a rig whose values are a little
-                                      wrong, or drift. Default false: they are exact */
-    float rig_rotation_sigma_rad;      /* how wrong they may be then: about each axis, radians; 1e-6..1. Default 0.05 */
-    int64_t rig_clock_sigma_ns;    /* and the offset; 1000..1e9. Default 20 ms */
-    float gravity_m_s2;                 /* m/s^2. Default 9.80665 */
-    float gyro_noise_rad_s_sqrthz;              /* noise density, rad/s/sqrt(Hz), with what scale errors add (a phone's alone: 1e-4).
-                                      Default 5e-3 */
-    float gyro_bias_sigma_rad_s;         /* sigma of the bias before it is known, rad/s. Default 0.02 */
-    float accel_noise_m_s2_sqrthz;             /* noise density, m/s^2/sqrt(Hz), with what scale errors and vibration add. Default 0.05 */
-    float accel_bias_sigma_m_s2;        /* sigma of the bias before it is known, m/s^2. Default 0.1 */
-    float seed_noise_rad, seed_noise_m; /* error of a seed that no noise figure explains (clock jitter, mounting, rolling
-                                      shutter), a step. Default 0.012 and 0.008 */
-    float pose_noise_rad, pose_noise_m; /* error of an accepted pose, beside what alignment says, and of the navigator's way
-                                      from one to the next. Default 0.006 and 0.004 */
-    float motion_sigma_m_s2;      /* how much a hand-held camera's velocity wanders, m/s^2, without an accelerometer.
-                                      Default 1.5 */
-    float motion_sigma_rad_s2;       /* the same for its turning rate without a gyroscope, rad/s^2. Default 3 */
-    float max_reckoned_sigma_m;            /* dead reckoning whose position sigma passes this is called lost. Default 0.5 */
-    int max_imu_samples;              /* samples kept; 0: 4096 */
-    fathom_inertial_hook inertial_hook; /* replaces the library's InertialEstimate. Default NULL. Must outlive the context */
+    float imu_to_camera_translation[3]; /* lever arm: the IMU's origin in camera axes. -10..10 m; default 0, 0, 0 */
+    int64_t imu_clock_offset_ns;        /* added to an IMU stamp to get the depth clock. +-4e18 ns; default 0 */
+    /* Refine that rotation and that offset while scanning, by comparing the gyroscope with the turning of well-
+     * aligned frames (fathom_get_rig): for a rig whose values are a little wrong, or drift. Default false: they are
+     * exact. */
+    bool refine_rig;
+    float rig_rotation_sigma_rad; /* sigma of the rotation about each axis, for refine_rig. 1e-6..1 rad; default 0.05 */
+    int64_t rig_clock_sigma_ns;   /* and of the offset. 1000..1e9 ns; default 20e6 */
+    float gravity_m_s2;           /* 0..100 m/s^2; default 9.80665 */
+    /* Noise density of the gyroscope, with what scale errors add (a phone's alone: 1e-4). 0..10 rad/s/sqrt(Hz);
+     * default 0.005. */
+    float gyro_noise_rad_s_sqrthz;
+    float gyro_bias_sigma_rad_s; /* of the bias before it is known. 0..10 rad/s; default 0.02 */
+    /* Noise density of the accelerometer, with what scale errors and vibration add. 0..100 m/s^2/sqrt(Hz); default
+     * 0.05. */
+    float accel_noise_m_s2_sqrthz;
+    float accel_bias_sigma_m_s2; /* of the bias before it is known. 0..100 m/s^2; default 0.1 */
+    /* Error of a seed, per step, that no noise figure explains (clock jitter, mounting, rolling shutter). 1e-6..10;
+     * default 0.012 rad and 0.008 m. */
+    float seed_noise_rad, seed_noise_m;
+    /* Error of an accepted pose, beside what alignment says, and of the navigator's way from one to the next. 0..1;
+     * default 0.006 rad and 0.004 m. */
+    float pose_noise_rad, pose_noise_m;
+    /* a hand-held camera's acceleration, without an accelerometer. 0..1000 m/s^2; default 1.5 */
+    float motion_sigma_m_s2;
+    float motion_sigma_rad_s2; /* its angular acceleration, without a gyroscope. 0..1000 rad/s^2; default 3 */
+    /* dead reckoning whose position sigma is larger is called lost. 0.001..1000 m; default 0.5 */
+    float max_reckoned_sigma_m;
+    int32_t max_imu_samples;    /* samples kept. 0..16777216; default 0: 4096 */
+    /* replaces the library's InertialEstimate. Default NULL. Must outlive the context */
+    fathom_inertial_hook inertial_hook;
     void *inertial_user;
 
-    /* start */
-    float first_pose[16];          /* the first frame's pose, camera to world. Default identity */
+    /* ---- start ---- */
 
-    /* OpenCL */
-    const char *device;            /* "", or a part of a platform's or device's name, or "cpu", "gpu". NULL: "": the first
-                                      GPU that shares the host's memory, else the first device. Read during init only */
-    fathom_buffers buffers;        /* default FATHOM_BUFFERS_AUTO */
-    const char *kernel_file;       /* kernels that fathom_save_kernels wrote on a machine of the same kind; another device,
-                                      driver or library version than theirs is FATHOM_ERROR_KERNEL. NULL: built from source, or
-                                      from the cache. Read during init only */
-    const char *cache_folder;      /* where built kernels are kept; NULL: $XDG_CACHE_HOME/fathom or ~/.cache/fathom;
-                                      "": no cache. Read during init only */
+    fathom_pose first_pose; /* of the first frame's camera; within 1e6 m. Default identity */
 
-    /* log */
-    fathom_log log;                /* NULL: silent. Must outlive the context */
+    /* ---- OpenCL ---- */
+
+    /* "", or a part of a platform's or device's name, or "cpu", "gpu". Default NULL: as "", the first GPU that
+     * shares the host's memory, else the first device. Read during init only. */
+    const char *device;
+    int32_t buffers; /* fathom_buffers; default FATHOM_BUFFERS_AUTO */
+    /* Kernels that fathom_save_kernels wrote on a machine of the same kind; another device, driver or library
+     * version than theirs is FATHOM_ERROR_KERNEL. Default NULL: built from source, or from the cache. Read during
+     * init only. */
+    const char *kernel_file;
+    /* Where built kernels are kept. Default NULL: $XDG_CACHE_HOME/fathom or ~/.cache/fathom; "": no cache. Read
+     * during init only. */
+    const char *cache_folder;
+
+    /* ---- log ---- */
+
+    fathom_log log; /* default NULL: silent. Must outlive the context */
     void *log_user;
 } fathom_config;
 
-/* The default settings. Any thread. */
-FATHOM_API fathom_config fathom_config_default(void);
+/* Fills *config with the default settings and sets its struct_size: fathom_config_init(&config). Returns FATHOM_OK, or
+ * FATHOM_ERROR_ARGUMENT for NULL or an impossible size. Any thread. */
+#define fathom_config_init(config) fathom_config_init_sized((config), sizeof *(config))
+FATHOM_API int fathom_config_init_sized(fathom_config *config, size_t size);
 
 /* Complete settings for boards of three kinds; they differ in the four fields named here alone. docs/PORTING.md has what
  * each takes in time and memory, and how exact it is. */
@@ -300,63 +421,142 @@ typedef enum {
     FATHOM_PRESET_LARGE = 2  /* maps up to 640 wide, 8 mm voxels, 256 MB: fine detail */
 } fathom_preset;
 
-/* A preset that doesn't exist gives the default settings. Any thread. */
-FATHOM_API fathom_config fathom_config_preset(fathom_preset preset);
+/* Fills *config with a preset: fathom_config_preset(&config, FATHOM_PRESET_TINY). Returns FATHOM_OK, or FATHOM_ERROR_ARGUMENT
+ * for NULL, an impossible size or a preset that doesn't exist (then *config has the default settings). Any thread. */
+#define fathom_config_preset(config, preset) fathom_config_preset_sized((config), sizeof *(config), (preset))
+FATHOM_API int fathom_config_preset_sized(fathom_config *config, size_t size, int32_t preset);
+
+/* ---- settings by name -------------------------------------------------------------------------------------------- */
+
+typedef enum {
+    FATHOM_SETTING_FLOAT = 0,
+    FATHOM_SETTING_DOUBLE = 1,
+    FATHOM_SETTING_INT32 = 2,
+    FATHOM_SETTING_INT64 = 3,
+    FATHOM_SETTING_BOOL = 4, /* "off" or "on"; "false" and "true" are read, too */
+    FATHOM_SETTING_WORD = 5, /* an int32_t enumeration; one of words */
+    FATHOM_SETTING_TEXT = 6  /* a const char *; "default" stands for NULL */
+} fathom_setting_type;
+
+/* What is known of a setting. Every field of fathom_config has one, each element of an array its own, but for struct_size,
+ * callbacks and their user pointers. Texts are static. */
+typedef struct {
+    uint32_t struct_size;
+    int32_t type;          /* fathom_setting_type */
+    const char *name;      /* as in C: "voxel_m", "max_iterations[0]", "depth_camera.fx" */
+    const char *group;     /* "Alignment" */
+    const char *unit;      /* "m", "rad/s"; "" for numbers without one */
+    const char *words;     /* of a word or a bool, by value, with bars between them: "model|previous"; else "" */
+    const char *meaning;   /* a line in English */
+    double min, max;       /* the range, both ends allowed; 0, 0 for a text */
+    char default_text[64]; /* as fathom_config_set takes it */
+    char range_text[64];   /* "0.001..1", "model|previous", "text" */
+    bool zero;             /* 0 is allowed outside that range, too */
+} fathom_setting;
+
+/* Setting number index, from 0 on, in the order of the manual. FATHOM_ERROR_NO_DATA beyond the last. Any thread. */
+FATHOM_API int fathom_get_setting(int32_t index, fathom_setting *setting);
+
+/* Sets one setting from text: fathom_config_set(&config, "voxel_m", "0.02"). Numbers are written as in C, with a point in
+ * every locale and nothing beside them. A text is not copied: it must live as long as fathom_config says of its field.
+ * Returns FATHOM_OK; FATHOM_ERROR_NAME when there is no such setting, or the caller's struct is too old to have it;
+ * FATHOM_ERROR_VALUE when the text is not a value of its type; FATHOM_ERROR_CONFIG when the value is out of range. On an
+ * error *config is unchanged. Whether settings go together is checked by fathom_init. Any thread. */
+FATHOM_API int fathom_config_set(fathom_config *config, const char *name, const char *value);
+
+/* Writes a setting's value as text that fathom_config_set takes back to the same bits; cut to size, ended by a zero. Returns
+ * the whole text's length, so that size or more means that it was cut, or FATHOM_ERROR_NAME. Any thread. */
+FATHOM_API int fathom_config_get(const fathom_config *config, const char *name, char *text, size_t size);
 
 /* ---- memory and life --------------------------------------------------------------------------------------------- */
 
 #define FATHOM_ALIGNMENT 128 /* of the block; an unaligned one will do too: the size includes the padding */
 
 typedef struct {
-    int64_t host_bytes;   /* size of the block fathom_init needs */
-    int64_t device_bytes; /* what the OpenCL device must hold beside it; 0 where buffers lie in the block */
-    int blocks;           /* blocks in the pool */
-    int align_width, align_height; /* the maps' size */
-    char device[128];     /* name of the OpenCL device that was planned for */
+    uint32_t struct_size;
+    int32_t blocks;                    /* blocks in the pool */
+    int32_t align_width, align_height; /* the maps' size */
+    int64_t host_bytes;                /* size of the block fathom_init needs */
+    int64_t device_bytes;              /* what the OpenCL device must hold beside it; 0 where buffers lie in the block */
+    char device[128];                  /* name of the OpenCL device that was planned for */
 } fathom_memory_plan;
 
-/* Bytes of the block that fathom_init needs, for the device it would choose; or FATHOM_ERROR_CONFIG, _MEMORY, _DEVICE.
- * Any thread. */
-FATHOM_API int64_t fathom_memory_required(const fathom_config *config);
+/* Bytes of the block that fathom_init needs, for the device it would choose; or FATHOM_ERROR_ARGUMENT, _CONFIG, _MEMORY,
+ * _DEVICE. A failure writes its text into why (why_size bytes, ended by a zero; "" on success); NULL, 0: no text. Any
+ * thread. */
+FATHOM_API int64_t fathom_memory_required(const fathom_config *config, char *why, size_t why_size);
 
-/* The same with its parts. Returns FATHOM_OK or an error. */
-FATHOM_API int fathom_memory_plan_for(const fathom_config *config, fathom_memory_plan *plan);
+/* The same with its parts. Returns FATHOM_OK or an error. Any thread. */
+FATHOM_API int fathom_plan_memory(const fathom_config *config, fathom_memory_plan *plan, char *why, size_t why_size);
 
-/* Builds a context inside memory (size bytes, the caller's, until fathom_close). Opens the OpenCL device and builds the
- * kernels (a second or so, once; then from the cache), and runs each once on nothing. A block that is too small by one byte is refused with
- * FATHOM_ERROR_MEMORY and not touched. On any error *context is NULL and nothing stays open. */
-FATHOM_API int fathom_init(fathom **context, const fathom_config *config, void *memory, size_t size);
+/* Builds a context inside memory (size bytes, the caller's, until fathom_close). Opens the OpenCL device, builds the kernels
+ * (a second or so, once; then from the cache) and runs each once on nothing. A block that is too small by one byte is
+ * refused with FATHOM_ERROR_MEMORY and not touched. On any error *context is NULL, nothing stays open, and the text is in
+ * why, as in fathom_memory_required. Any thread. */
+FATHOM_API int fathom_init(fathom **context, const fathom_config *config, void *memory, size_t size, char *why,
+                           size_t why_size);
 
 /* Writes the built kernels, in every shape that these settings use, to a file for fathom_config.kernel_file: on a board of
  * the same kind, with the same runtime and settings, no compiler runs then. FATHOM_ERROR_KERNEL when the file can't be
- * written; the log says why. */
+ * written. Stepping thread. */
 FATHOM_API int fathom_save_kernels(fathom *context, const char *path);
 
-/* Waits for the device, releases it, forgets everything. The block is the caller's again. NULL is allowed. */
+/* Waits for the device, releases it, forgets everything. The block is the caller's again. NULL is allowed. Stepping
+ * thread, when no other thread pushes any more. */
 FATHOM_API void fathom_close(fathom *context);
 
-/* Forgets surface, pose and inertial history, as after fathom_init. Counters and settings stay. */
+/* Forgets surface, pose and inertial history, and ends a pause, as after fathom_init. Counters and settings stay. Stepping
+ * thread. */
 FATHOM_API int fathom_reset(fathom *context);
 
 /* With pause true, steps go on finding the pose but fuse nothing (localise only), until called with false. A scan that
- * is paused before its first frame has no surface yet and stays without. */
+ * is paused before its first frame has no surface yet and stays without. Stepping thread. */
 FATHOM_API int fathom_pause(fathom *context, bool pause);
 
 /* ---- input ------------------------------------------------------------------------------------------------------- */
 
-/* Hands over samples as they arrive; may be called from one other thread at any time, never waits. Late, repeated,
- * out-of-order, non-finite and implausible samples are counted (fathom_counters) and dropped. When the ring is full the
- * new sample is dropped and counted: step often, or give a larger max_imu_samples. When either clock leaps by more than 0.1 s
- * the order of arrival shows it: after 0.2 s stamps are moved to go on from where they were, and the log is told. Returns
- * FATHOM_OK, or FATHOM_ERROR_ARGUMENT for NULL, a sample that isn't finite or stamped more than 126 years from zero
- * (counted as not finite), or one beyond 100 rad/s or 2000 m/s^2 (implausible). */
+/* Hands over a sample as it arrives; never waits. Late, repeated, out-of-order, non-finite and implausible samples are
+ * counted (fathom_counters) and dropped. When either clock leaps by more than 0.1 s the order of arrival shows it: after
+ * 0.2 s stamps are moved to go on from where they were, with a message in the log. Returns FATHOM_OK; FATHOM_ERROR_FULL when
+ * the ring has no room (the sample is dropped and counted: step more often, or give a larger max_imu_samples);
+ * FATHOM_ERROR_ARGUMENT for NULL, a sample that isn't finite or stamped more than 126 years from zero (counted as not
+ * finite), or one beyond 100 rad/s or 2000 m/s^2 (implausible); FATHOM_ERROR_DEVICE when the context is dead. Sample
+ * thread. */
 FATHOM_API int fathom_push_imu(fathom *context, const fathom_imu_sample *sample);
 
-/* A depth frame. */
+typedef enum {
+    FATHOM_IMAGE_GREY8 = 0, /* 1 byte per pixel */
+    FATHOM_IMAGE_RGB8 = 1,  /* 3 bytes (R, G, B) per pixel */
+    FATHOM_IMAGE_BGR8 = 2,
+    FATHOM_IMAGE_YUYV = 3,  /* 4 bytes (Y, U, Y, V) per 2 pixels; an even width */
+    FATHOM_IMAGE_JPEG = 4   /* compressed: size_bytes of a JPEG stream */
+} fathom_image_format;
+
+/* An image that came with a depth frame. */
 typedef struct {
-    int64_t timestamp_ns;  /* the depth clock, when the middle of the frame was exposed; must increase; +-126 years */
-    const uint16_t *depth; /* height rows of width pixels, the caller's, read during the call only */
-    int width, height;     /* must be the settings' depth_width, depth_height */
+    uint32_t struct_size;
+    int32_t format;        /* fathom_image_format */
+    int32_t width, height; /* pixels; 1..16384 */
+    int64_t stride_bytes;  /* from row to row; 0: tight. 0 for a compressed image */
+    int64_t size_bytes;    /* of data; 0: stride and height say. Needed for a compressed image */
+    int64_t timestamp_ns;  /* the depth clock, when the middle of the image was exposed */
+    const uint8_t *data;   /* the caller's, read during the call only */
+} fathom_image;
+
+/* A depth frame. Depth, its stride, size and stamp are used; exposure, row time, confidence and image are checked now and
+ * used by later versions. */
+typedef struct {
+    uint32_t struct_size;
+    int32_t width, height;        /* must be the settings' depth_camera.width, .height */
+    int32_t row_stride_bytes;     /* of depth, from row to row: an even number from 2 * width on; 0: 2 * width */
+    int64_t timestamp_ns;         /* the depth clock, when the middle of the frame was exposed; must increase; +-126 years */
+    int64_t exposure_ns;          /* how long each row was exposed; 0: unknown; at most 1 s */
+    int64_t row_time_ns;          /* from one row's exposure to the next one's (rolling shutter), negative from the bottom up;
+                                     0: unknown, or all at once; at most 1 s for all rows */
+    const uint16_t *depth;        /* height rows of width pixels, the caller's, read during the call only */
+    const uint8_t *confidence;    /* height rows of width values, 255 the surest; NULL: none */
+    int64_t confidence_stride_bytes; /* from row to row, at least width; 0: width */
+    const fathom_image *image;    /* NULL: none */
 } fathom_depth_frame;
 
 /* ---- a step ------------------------------------------------------------------------------------------------------ */
@@ -368,8 +568,8 @@ typedef enum {
     FATHOM_LOST = 3      /* the same, and the pose's sigma has passed max_reckoned_sigma_m */
 } fathom_state;
 
-/* "first", "tracked", "reckoned", "lost". Never NULL. */
-FATHOM_API const char *fathom_state_name(fathom_state state);
+/* "first", "tracked", "reckoned", "lost". Never NULL; static storage. Any thread. */
+FATHOM_API const char *fathom_state_name(int32_t state);
 
 /* Why a frame wasn't trusted (Section 2, "empirically determined error thresholds"). */
 typedef enum {
@@ -385,19 +585,25 @@ typedef enum {
                                       used, but nothing is fused */
 } fathom_verdict;
 
-FATHOM_API const char *fathom_verdict_name(fathom_verdict verdict);
+/* "tracking", "no depth", "few pairs", ... Never NULL; static storage. Any thread. */
+FATHOM_API const char *fathom_verdict_name(int32_t verdict);
 
 /* What a step found. Alignment figures are those of the last iteration at the finest level used; they are zero for a
  * first frame and where no pair was found. */
 typedef struct {
+    uint32_t struct_size;
+    int32_t state;             /* fathom_state */
     int64_t timestamp_ns;      /* of the frame */
-    fathom_state state;
-    fathom_verdict verdict;
-    float pose[16];            /* row-major 4x4, camera to world; always finite */
-    float covariance[36];      /* row-major 6x6 of the pose: alignment's where tracked, grown while reckoning */
-    int iterations;            /* spent, over all levels */
-    int pairs;                 /* n: kept correspondences */
-    int overlap_pixels;        /* pixels where scan and model both had a surface */
+    fathom_pose pose;          /* camera to world: the camera's place in the map. Jumps when the camera is found again, or the
+                                  map corrects it. Always finite */
+    double pose_covariance[36]; /* 6x6: alignment's where tracked, grown while reckoning */
+    fathom_pose odometry;      /* the product of each frame's own motion, from first_pose on: drifts, and never jumps. What a
+                                  robot's control wants */
+    double odometry_covariance[36]; /* 6x6, grown since the first frame */
+    int32_t verdict;           /* fathom_verdict */
+    int32_t iterations;        /* spent, over all levels */
+    int32_t pairs;             /* n: kept correspondences */
+    int32_t overlap_pixels;    /* pixels where scan and model both had a surface */
     float rms_m;               /* sqrt(sum w r^2 / sum w), of the linear model after the update (Section 2: r = ||Ax - b||^2) */
     float weight;              /* sum of the pairs' weights; a perfect pair at 1 m weighs 1 */
     float singular_values[6];  /* of A, centred on the pairs and scaled by their spread, largest first */
@@ -407,15 +613,16 @@ typedef struct {
     float innovation_sigmas;   /* the same as a Mahalanobis distance under the seed's covariance */
     float agreement;           /* part of the pixels where the surface should be seen that agree; NAN: not looked at */
     float see_through;         /* part of them that sees through it */
-    bool searched;             /* the frame was looked for about the seed, for alignment from the seed alone had failed */
+    bool searched;             /* alignment from the seed alone had failed, and poses about it were tried */
     bool seeded;               /* the seed was good enough for max_seeded_iterations */
     bool fused;                /* the frame went into the surface */
-    int blocks_dropped, blocks_restored; /* by when_full, in this step */
     bool pool_full;            /* some of the surface had no room left in the pool (tracking goes on) */
-    int blocks;                /* blocks in use */
-    fathom_imu_health gyro_health, accel_health; /* of the inertial sensor so far */
-    float ms_maps, ms_align, ms_fuse, ms_raycast, ms_total; /* wall time of the stages; with fuse_behind, ms_fuse is what the
-                                  step itself took, and ms_maps may hold the rest of the frame before */
+    int32_t blocks;            /* blocks in use */
+    int32_t blocks_dropped, blocks_restored; /* by when_full, in this step */
+    int32_t gyro_health, accel_health; /* fathom_imu_health of the inertial sensor so far */
+    float ms_maps, ms_align, ms_fuse, ms_raycast; /* wall time of the stages; with fuse_behind, ms_fuse is the step's own part,
+                                  and ms_maps may hold the rest of the frame before */
+    float ms_total;
 } fathom_result;
 
 /* One turn of the paper's loop (Figure 2): maps of the depth frame, seed from the inertial estimate, alignment, verdict,
@@ -424,6 +631,13 @@ typedef struct {
  * that was ignored (then *result repeats the last pose); FATHOM_ERROR_DEVICE if OpenCL failed. One stepping thread. */
 FATHOM_API int fathom_step(fathom *context, const fathom_depth_frame *frame, fathom_result *result);
 
+#define FATHOM_RECENT 60 /* results that are kept */
+
+/* Copies the latest results, up to FATHOM_RECENT and capacity, oldest first: what led to where tracking is now. The
+ * caller's array starts at *results; results->struct_size is the size of each element, and is set in all that are written.
+ * Ignored frames are not among them; fathom_reset forgets them. Returns their number, or an error. Stepping thread. */
+FATHOM_API int32_t fathom_get_recent(fathom *context, fathom_result *results, int32_t capacity);
+
 /* The relative camera motion between two stamps of the depth clock by inertial navigation alone (Section 3,
  * InertialEstimate): an error-state Kalman filter (Sola 2017, Section 5 and 6) integrates gyroscope and accelerometer
  * between interpolated samples, from the state that the accepted poses have corrected: orientation, velocity, position,
@@ -431,18 +645,19 @@ FATHOM_API int fathom_step(fathom *context, const fathom_depth_frame *frame, fat
  * frame. Stepping thread. */
 FATHOM_API int fathom_inertial_estimate(fathom *context, int64_t from_ns, int64_t to_ns, fathom_motion *motion);
 
-/* The latest pose (row-major 4x4, camera to world) and, where not NULL, its 6x6 covariance. Stepping thread. */
-FATHOM_API int fathom_pose(fathom *context, float pose[16], float covariance[36]);
+/* The latest pose, camera to world, and, where not NULL, its 6x6 covariance. Stepping thread. */
+FATHOM_API int fathom_get_pose(fathom *context, fathom_pose *pose, double covariance[36]);
 
 /* The IMU's place on the rig, as the library takes it to be: the settings, or, with refine_rig, the best estimate so far.
  * Turns that were never made tell nothing: about their axis the sigma stays as it was. */
 typedef struct {
+    uint32_t struct_size;
+    int32_t intervals;               /* pairs of frames that were compared; 0 without refine_rig */
     float imu_to_camera_rotation[9]; /* row-major: v_camera = R v_imu */
     float rotation_sigma[3];         /* rad, about the camera's axes; 0 without refine_rig */
     int64_t imu_clock_offset_ns;     /* what an IMU stamp needs to be on the depth clock; without the leaps that were
                                         noticed (imu_clock_leaps) */
     int64_t clock_sigma_ns;          /* of that; 0 without refine_rig */
-    int intervals;                   /* pairs of frames that were compared; 0 without refine_rig */
 } fathom_rig;
 
 /* fathom_reset goes back to the settings. A later scan may start from these values as its settings. Stepping thread. */
@@ -450,6 +665,8 @@ FATHOM_API int fathom_get_rig(fathom *context, fathom_rig *rig);
 
 /* What has been counted since fathom_init. */
 typedef struct {
+    uint32_t struct_size;
+    uint32_t unused;
     int64_t imu_accepted;   /* samples taken into the history */
     int64_t imu_not_finite; /* dropped: NaN or infinite */
     int64_t imu_out_of_order; /* dropped: repeated stamp or one that goes back */
@@ -464,27 +681,25 @@ typedef struct {
     int64_t blocks_refused; /* blocks that found the pool full */
 } fathom_counters;
 
-/* Stepping thread. */
+/* The counters so far. Stepping thread. */
 FATHOM_API int fathom_get_counters(fathom *context, fathom_counters *counters);
 
 /* ---- surface ----------------------------------------------------------------------------------------------------- */
 
-/* A pinhole view for the two functions below. */
+/* A view of the surface. */
 typedef struct {
-    int width, height;    /* pixels, 1..16384 each */
-    float fx, fy, cx, cy; /* pixels */
-    float pose[16];       /* row-major 4x4, camera to world */
-    float near_m, far_m;  /* the surface is looked for between these depths; 0: 0.1 and 20 */
+    uint32_t struct_size;
+    uint32_t unused;
+    fathom_pinhole camera; /* 1..16384 pixels each way; FATHOM_LENS_PINHOLE */
+    fathom_pose pose;      /* camera to world */
+    float near_m, far_m;   /* the surface is looked for between these depths; 0: 0.1 and 20 */
 } fathom_view;
 
 /* Ray-casts the surface (Newcombe et al. 2011, Section 3.3) into the caller's buffers of width*height pixels, row by row:
  * depth in metres along the optical axis (0: nothing there), normals as 3 floats in the view's camera axes, pointing to
  * the camera, of length 1, rounded to a tenth of a degree. Either may be NULL. Only fronts of surfaces are seen, so that a
- * room can be looked at from outside. */
-FATHOM_API int fathom_model_maps(fathom *context, const fathom_view *view, float *depth, float *normals);
-
-/* The same as a shaded picture, 3 bytes (R G B) a pixel. */
-FATHOM_API int fathom_shaded_view(fathom *context, const fathom_view *view, uint8_t *rgb);
+ * room can be looked at from outside. Stepping thread. */
+FATHOM_API int fathom_cast_view(fathom *context, const fathom_view *view, float *depth, float *normals);
 
 /* A corner of a triangle. */
 typedef struct {
@@ -498,7 +713,7 @@ typedef int (*fathom_triangles)(void *user, const fathom_vertex *vertices, size_
 
 /* Streams the surface's triangles (marching cubes, Lorensen and Cline 1987) to the callback in batches, in bounded memory,
  * in the order in which the blocks were made. Voxels seen with a summed weight below min_weight are left out (0: all).
- * Returns the number of triangles, or an error. */
+ * Returns the number of triangles, or an error. Stepping thread. */
 FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom_triangles triangles, void *user);
 
 /* The same with what was dropped (when_full): triangles of `dropped` and of the pool, without seams. dropped: the indices

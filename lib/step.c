@@ -75,8 +75,10 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
 }
 
 static void report(fathom *f, fathom_result *r) {
-    pose_to_matrix(&f->pose, r->pose);
-    for (int i = 0; i < 36; i++) r->covariance[i] = (float)f->covariance[i];
+    r->pose = pose_give(&f->pose);
+    memcpy(r->pose_covariance, f->covariance, sizeof r->pose_covariance);
+    r->odometry = pose_give(&f->odometry.at);
+    memcpy(r->odometry_covariance, f->odometry.covariance, sizeof r->odometry_covariance);
     r->blocks = f->volume.pool.count;
     r->gyro_health = f->inertial.check.gyro.health;
     r->accel_health = f->inertial.check.accel.health;
@@ -84,11 +86,11 @@ static void report(fathom *f, fathom_result *r) {
 
 void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     double start = now_ms();
-    memset(r, 0, sizeof *r);
+    *r = FATHOM_STRUCT(fathom_result);
     r->timestamp_ns = scan->timestamp_ns;
     inertial_drain(&f->inertial);
     inertial_follow_clock(&f->inertial, scan->timestamp_ns);
-    depth_maps_make(&f->maps, &f->device, scan->depth, 0);
+    depth_maps_make(&f->maps, &f->device, scan->depth, (size_t)scan->row_stride_bytes, 0);
     device_wait(&f->device);
     r->ms_maps = (float)(now_ms() - start);
     if (f->started)

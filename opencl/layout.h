@@ -35,8 +35,8 @@ typedef struct {
 /* The depth frame as it comes. */
 typedef struct {
     cl_float fx, fy, cx, cy;
-    cl_float k1, k2, p1, p2, k3; /* Brown-Conrady distortion */
-    cl_int distorted;
+    cl_float k1, k2, p1, p2, k3, k4, k5, k6; /* distortion, OpenCV's order */
+    cl_int lens; /* fathom_lens: none, five coefficients, or eight (rational) */
     cl_int width, height;
     cl_int factor; /* depth size / map size */
     cl_float metres_per_unit;

@@ -2,10 +2,11 @@
 
 /* Where in the frame the ideal pinhole's pixel (x, y) lies, or -1 outside of it. */
 inline int source_index(kernel_depth_source s, int x, int y) {
-    if (s.distorted) {
+    if (s.lens) {
         float u = ((float)x - s.cx) / s.fx, v = ((float)y - s.cy) / s.fy;
         float r2 = u * u + v * v;
         float radial = 1.0f + r2 * (s.k1 + r2 * (s.k2 + r2 * s.k3));
+        if (s.lens == 2) radial /= 1.0f + r2 * (s.k4 + r2 * (s.k5 + r2 * s.k6));
         float ud = u * radial + 2.0f * s.p1 * u * v + s.p2 * (r2 + 2.0f * u * u);
         float vd = v * radial + s.p1 * (r2 + 2.0f * v * v) + 2.0f * s.p2 * u * v;
         float px = ud * s.fx + s.cx, py = vd * s.fy + s.cy;
@@ -20,9 +21,9 @@ inline int source_index(kernel_depth_source s, int x, int y) {
 inline float8 source_depths(global const ushort *raw, kernel_depth_source s, int x, int y, int i, int j) {
     ushort8 units;
     global const ushort *row = raw + (y * s.factor + j) * s.width;
-    if (!s.distorted && s.factor == 1 && x + 8 <= s.width) {
+    if (!s.lens && s.factor == 1 && x + 8 <= s.width) {
         units = vload8(0, row + x);
-    } else if (!s.distorted && s.factor == 2 && 2 * x + 16 <= s.width) {
+    } else if (!s.lens && s.factor == 2 && 2 * x + 16 <= s.width) {
         ushort16 pairs = vload16(0, row + 2 * x);
         units = i == 0 ? pairs.even : pairs.odd;
     } else {

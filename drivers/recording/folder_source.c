@@ -141,13 +141,7 @@ static void folder_configure(fathom_source *source, fathom_config *config) {
     fathom_recording_configure(s->recording, &all);
     if (s->kinds == FATHOM_SOURCE_IMU) {
         const fathom_config depth = *config;
-        all.depth_width = depth.depth_width;
-        all.depth_height = depth.depth_height;
-        all.fx = depth.fx;
-        all.fy = depth.fy;
-        all.cx = depth.cx;
-        all.cy = depth.cy;
-        for (int i = 0; i < 5; i++) all.distortion[i] = depth.distortion[i];
+        all.depth_camera = depth.depth_camera;
         all.depth_units_per_metre = depth.depth_units_per_metre;
     }
     *config = all;

@@ -126,13 +126,12 @@ int fathom_recording_open(fathom_recording **out, const char *folder,
 static int read_description(struct recording *recording, const void *user) {
     const fathom_config *config = user;
     fathom_recording *shown = &recording->shown;
-    shown->width = config->depth_width;
-    shown->height = config->depth_height;
-    shown->intrinsics[0] = config->fx;
-    shown->intrinsics[1] = config->fy;
-    shown->intrinsics[2] = config->cx;
-    shown->intrinsics[3] = config->cy;
-    for (int i = 0; i < 5; i++) shown->distortion[i] = config->distortion[i];
+    shown->width = config->depth_camera.width;
+    shown->height = config->depth_camera.height;
+    shown->intrinsics[0] = config->depth_camera.fx;
+    shown->intrinsics[1] = config->depth_camera.fy;
+    shown->intrinsics[2] = config->depth_camera.cx;
+    shown->intrinsics[3] = config->depth_camera.cy;
     char *rig = recording_path(recording, "rig.txt");
     const bool there = rig && access(rig, F_OK) == 0;
     free(rig);
@@ -150,7 +149,9 @@ int fathom_rig_configure(const char *folder, fathom_config *config, fathom_log l
     if (!folder || !config) return FATHOM_ERROR_ARGUMENT;
     const int result = with_folder(&recording, folder, log, log_user, read_description, config);
     if (result) return result;
+    const fathom_pinhole camera = config->depth_camera;
     fathom_recording_configure(&recording->shown, config);
+    if (!recording->has_calibration) config->depth_camera = camera;
     fathom_recording_close(&recording->shown);
     return FATHOM_OK;
 }
@@ -167,13 +168,14 @@ void fathom_recording_close(fathom_recording *shown) {
 }
 
 void fathom_recording_configure(const fathom_recording *recording, fathom_config *config) {
-    config->depth_width = recording->width;
-    config->depth_height = recording->height;
-    config->fx = (float)recording->intrinsics[0];
-    config->fy = (float)recording->intrinsics[1];
-    config->cx = (float)recording->intrinsics[2];
-    config->cy = (float)recording->intrinsics[3];
-    for (int i = 0; i < 5; i++) config->distortion[i] = (float)recording->distortion[i];
+    const double *k = recording->intrinsics;
+    fathom_pinhole camera = {
+        .width = recording->width, .height = recording->height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
+    for (int i = 0; i < 5; i++) {
+        camera.coefficients[i] = recording->distortion[i];
+        if (recording->distortion[i] != 0) camera.lens = FATHOM_LENS_FIVE;
+    }
+    config->depth_camera = camera;
     config->depth_units_per_metre = (float)recording->depth_units_per_metre;
     for (int i = 0; i < 9; i++)
         config->imu_to_camera_rotation[i] = (float)recording->imu_to_camera_rotation[i];

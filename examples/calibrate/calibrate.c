@@ -70,14 +70,18 @@ static int take_frame(struct calibrate *c, struct playback *playback, const fath
     const int read = fathom_recording_read_depth(c->recording, index, c->pixels);
     if (read) return cli_error(CLI_FAILED, "%s", log_reason(&c->log, read));
     playback_push_imu(playback, rig, index);
-    const fathom_depth_frame frame = {rig->frames[index].timestamp_ns, c->pixels, rig->width, rig->height};
-    fathom_result result;
+    const fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                      .timestamp_ns = rig->frames[index].timestamp_ns,
+                                      .depth = c->pixels,
+                                      .width = rig->width,
+                                      .height = rig->height};
+    fathom_result result = FATHOM_STRUCT(fathom_result);
     const int stepped = fathom_step(playback->scan, &frame, &result);
     if (stepped < 0) return cli_error(CLI_FAILED, "frame %d: %s", index, log_reason(&c->log, stepped));
     struct path_point *point = &c->path.points[c->path.count++];
     point->timestamp_ns = frame.timestamp_ns;
     point->state = result.state;
-    memcpy(point->pose, result.pose, sizeof point->pose);
+    point->pose = result.pose;
     cli_progress(c->path.count, fathom_state_name(result.state));
     return CLI_DONE;
 }
@@ -90,7 +94,7 @@ static int track(struct calibrate *c, const fathom_recording *rig, const char *w
     config.imu = rig != NULL;
     config.imu_translation = false;
     if (!rig) rig = c->recording;
-    int status = playback_start(&playback, rig, 1, &config, &c->log);
+    int status = playback_start(&playback, rig, 1, &c->settings, &config, &c->log);
     c->path.count = 0;
     cli_progress_start(what, rig->frame_count, c->progress);
     for (int i = 0; i < rig->frame_count && !status; i++)

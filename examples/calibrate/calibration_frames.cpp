@@ -15,12 +15,9 @@ bool CalibrationFrames::read(const struct path *path) {
             continue;
         }
         CalibrationFrame &f = frame[count++];
-        Eigen::Matrix3d rotation;
-        for (int r = 0; r < 3; r++) {
-            for (int c = 0; c < 3; c++) rotation(r, c) = point.pose[4 * r + c];
-            f.position[r] = point.pose[4 * r + 3];
-        }
-        f.rotation = Eigen::Quaterniond(rotation).normalized();
+        const double *q = point.pose.orientation;
+        for (int r = 0; r < 3; r++) f.position[r] = point.pose.position[r];
+        f.rotation = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized();
         f.t = 1e-9 * (double)(point.timestamp_ns - origin_ns);
         f.run = run;
     }

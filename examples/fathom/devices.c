@@ -37,7 +37,7 @@ static void print_json(const fathom_source_info *info) {
     print_string("uri", info->uri);
     print_string("name", info->name);
     print_string("serial", info->serial);
-    print_string("error", info->error ? fathom_source_error_name(info->error) : "");
+    print_string("error", info->error ? fathom_error_name(info->error) : "");
     print_string("problem", info->problem);
     printf("}\n");
 }
@@ -76,7 +76,7 @@ static int run(const struct command *command, int argc, char **argv) {
     if (status) return status;
     struct cli_log log = {.verbose = listing.verbose};
     const int seen = fathom_sources_enumerate(NULL, print_found, &listing, log_message, &log);
-    return seen < 0 ? cli_error(CLI_FAILED, "%s", *log.error ? log.error : fathom_source_error_name(seen))
+    return seen < 0 ? cli_error(CLI_FAILED, "%s", *log.error ? log.error : fathom_error_name(seen))
                     : CLI_DONE;
 }
 

@@ -4,6 +4,7 @@
 #include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
 #include "fathom/shell/log.h"
+#include "fathom/settings_page.h"
 #include "fathom/shell/settings.h"
 
 #include <CL/cl.h>
@@ -57,15 +58,15 @@ static void print_platforms(void) {
 }
 
 static int print_plan(const struct settings *settings, struct cli_log *log) {
-    fathom_memory_plan plan;
-    const int result = fathom_memory_plan_for(&settings->config, &plan);
+    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
+    const int result = fathom_plan_memory(&settings->config, &plan, NULL, 0);
     if (result < 0)
         return cli_error(result == FATHOM_ERROR_CONFIG || result == FATHOM_ERROR_MEMORY ? CLI_USAGE
                                                                                         : CLI_FAILED,
                          "%s", log_reason(log, result));
     printf("plan: %s\n", plan.device);
-    printf("    depth %dx%d, maps %dx%d, voxel %g m\n", settings->config.depth_width,
-           settings->config.depth_height, plan.align_width, plan.align_height,
+    printf("    depth %dx%d, maps %dx%d, voxel %g m\n", settings->config.depth_camera.width,
+           settings->config.depth_camera.height, plan.align_width, plan.align_height,
            (double)settings->config.voxel_m);
     printf("    host_bytes=%" PRId64 " device_bytes=%" PRId64 " total_bytes=%" PRId64
            " blocks=%d arena_mb=%.1f\n",
@@ -75,7 +76,7 @@ static int print_plan(const struct settings *settings, struct cli_log *log) {
 }
 
 struct info {
-    bool plan, verbose;
+    bool plan, list, markdown, verbose;
     struct settings settings;
 };
 
@@ -83,6 +84,9 @@ struct info {
 
 static const struct option_row own[] = {
     {"--plan", NULL, OPTION_FLAG, AT(plan), .help = "also the bytes needed for the given settings"},
+    {"--settings", NULL, OPTION_FLAG, AT(list),
+     .help = "the library's settings instead, for --set: name, unit, range, default, meaning"},
+    {"--markdown", NULL, OPTION_FLAG, AT(markdown), .help = "with --settings: as the page docs/SETTINGS.md"},
     {"--verbose", NULL, OPTION_FLAG, AT(verbose), .help = "say more on stderr"},
     {0}};
 
@@ -93,6 +97,14 @@ static int run(const struct command *command, int argc, char **argv) {
     settings_start(&info.settings);
     const int status = options_read(command, &info, argc, argv);
     if (status) return status;
+    if (info.list) {
+        if (info.markdown)
+            settings_page_markdown();
+        else
+            settings_page_text();
+        return CLI_DONE;
+    }
+    settings_apply_set(&info.settings, &info.settings.config);
     struct cli_log log = {.verbose = info.verbose};
     info.settings.config.log = log_message;
     info.settings.config.log_user = &log;

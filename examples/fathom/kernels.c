@@ -10,20 +10,20 @@
 #include <string.h>
 
 static int save(const struct settings *settings, const char *file, struct cli_log *log) {
-    fathom_memory_plan plan;
-    int result = fathom_memory_plan_for(&settings->config, &plan);
+    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
+    int result = fathom_plan_memory(&settings->config, &plan, NULL, 0);
     if (result < 0) return cli_error(CLI_USAGE, "%s", log_reason(log, result));
     void *memory = malloc((size_t)plan.host_bytes);
     fathom *scan = NULL;
     if (!memory)
         return cli_error(CLI_FAILED, "out of memory: %lld bytes for the library", (long long)plan.host_bytes);
-    result = fathom_init(&scan, &settings->config, memory, (size_t)plan.host_bytes);
+    result = fathom_init(&scan, &settings->config, memory, (size_t)plan.host_bytes, NULL, 0);
     if (result == FATHOM_OK) result = fathom_save_kernels(scan, file);
     fathom_close(scan);
     free(memory);
     if (result < 0) return cli_error(CLI_FAILED, "%s: %s", file, log_reason(log, result));
-    printf("%s: kernels for %s, depth %dx%d, maps %dx%d\n", file, plan.device, settings->config.depth_width,
-           settings->config.depth_height, plan.align_width, plan.align_height);
+    printf("%s: kernels for %s, depth %dx%d, maps %dx%d\n", file, plan.device, settings->config.depth_camera.width,
+           settings->config.depth_camera.height, plan.align_width, plan.align_height);
     return CLI_DONE;
 }
 
@@ -51,9 +51,10 @@ static int run(const struct command *command, int argc, char **argv) {
     struct cli_log log = {.verbose = kernels.verbose};
     fathom_config *config = &kernels.settings.config;
     if (kernels.depth.width) {
-        config->depth_width = kernels.depth.width;
-        config->depth_height = kernels.depth.height;
+        config->depth_camera.width = kernels.depth.width;
+        config->depth_camera.height = kernels.depth.height;
     }
+    settings_apply_set(&kernels.settings, config);
     config->log = log_message;
     config->log_user = &log;
     return save(&kernels.settings, kernels.file, &log);

@@ -44,13 +44,15 @@ static bool open_lines(struct live_recorder *r, struct line_file *file, const ch
 
 /* The five coefficients only where there is distortion. */
 static bool write_calibration(struct live_recorder *r, const fathom_config *config) {
-    double values[9] = {config->fx, config->fy, config->cx, config->cy};
-    int count = 4;
-    for (int i = 0; i < 5; i++) {
-        values[4 + i] = config->distortion[i];
-        if (values[4 + i] != 0) count = 9;
+    const fathom_pinhole *c = &config->depth_camera;
+    if (c->lens == FATHOM_LENS_RATIONAL) {
+        cli_error(CLI_FAILED, "%s: calibration.txt has room for five coefficients of distortion, not for eight",
+                  r->folder.folder);
+        return false;
     }
-    return !recording_calibration(&r->folder, values, count);
+    double values[9] = {c->fx, c->fy, c->cx, c->cy};
+    memcpy(values + 4, c->coefficients, 5 * sizeof *values);
+    return !recording_calibration(&r->folder, values, c->lens == FATHOM_LENS_FIVE ? 9 : 4);
 }
 
 bool live_recorder_open(struct live_recorder *r, const char *folder, bool force, const fathom_config *config,

@@ -38,12 +38,13 @@ static int run(const struct command *command, int argc, char **argv) {
     if (status) return status;
     struct cli_log log = {.verbose = selftest.verbose};
     cli_catch_interrupt();
-    fathom_config config = fathom_config_default();
-    fathom_memory_plan plan;
+    fathom_config config;
+    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
+    fathom_config_init(&config);
     config.device = selftest.device;
     config.log = log_message;
     config.log_user = &log;
-    int passed = 0, failed = fathom_memory_plan_for(&config, &plan);
+    int passed = 0, failed = fathom_plan_memory(&config, &plan, NULL, 0);
     if (failed == FATHOM_OK) {
         printf("device: %s\n", plan.device);
         failed = fathom_selftest(&config, print_check, &passed);

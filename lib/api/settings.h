@@ -4,10 +4,16 @@
 
 #include "fathom.h"
 
-#define CONFIG_BLOCKS_LEAST 64 /* of a pool */
-#define CONFIG_BLOCKS_MOST 16777216
+#define CONFIG_MIN_BLOCKS 64 /* of a pool */
+#define CONFIG_MAX_BLOCKS 16777216
 
-/* FATHOM_OK, or FATHOM_ERROR_CONFIG after a log message that names the setting. */
+/* All settings at their defaults. */
+fathom_config config_default(void);
+
+/* The defaults and what the preset has otherwise; a preset that doesn't exist has nothing. */
+fathom_config config_preset(int32_t preset);
+
+/* FATHOM_OK, or FATHOM_ERROR_CONFIG after a log message that names the setting, its value, range and unit. */
 int config_check(const fathom_config *config);
 
 #endif

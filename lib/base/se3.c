@@ -194,16 +194,16 @@ void pose_right_jacobian(const double twist[6], double j[36]) {
     }
 }
 
-void pose_to_matrix(const pose *a, float m[16]) {
+void pose_to_matrix(const pose *a, double m[16]) {
     for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) m[4 * i + j] = (float)a->r[3 * i + j];
-        m[4 * i + 3] = (float)a->t[i];
+        for (int j = 0; j < 3; j++) m[4 * i + j] = a->r[3 * i + j];
+        m[4 * i + 3] = a->t[i];
     }
     m[12] = m[13] = m[14] = 0;
     m[15] = 1;
 }
 
-bool pose_from_matrix(const float m[16], pose *a) {
+bool pose_from_matrix(const double m[16], pose *a) {
     for (int i = 0; i < 16; i++)
         if (!isfinite(m[i])) return false;
     for (int i = 0; i < 3; i++) {
@@ -217,8 +217,44 @@ bool pose_from_matrix(const float m[16], pose *a) {
     double z = a->r[6] * (a->r[1] * a->r[5] - a->r[2] * a->r[4]) +
                a->r[7] * (a->r[2] * a->r[3] - a->r[0] * a->r[5]) +
                a->r[8] * (a->r[0] * a->r[4] - a->r[1] * a->r[3]);
-    bool last_row = fabsf(m[12]) + fabsf(m[13]) + fabsf(m[14]) + fabsf(m[15] - 1) < 1e-3f;
+    bool last_row = fabs(m[12]) + fabs(m[13]) + fabs(m[14]) + fabs(m[15] - 1) < 1e-3;
     if (z < 0 || !last_row) return false;
     pose_normalise(a);
+    return true;
+}
+
+fathom_pose pose_give(const pose *a) {
+    const double *r = a->r, trace = r[0] + r[4] + r[8];
+    fathom_pose p = {{a->t[0], a->t[1], a->t[2]}, {0, 0, 0, 0}};
+    double *q = p.orientation, length = 0;
+    if (trace > 0) {
+        q[0] = r[7] - r[5];
+        q[1] = r[2] - r[6];
+        q[2] = r[3] - r[1];
+        q[3] = 1 + trace;
+    } else { /* from the largest on the diagonal: no small number is divided by */
+        int i = r[0] > r[4] ? (r[0] > r[8] ? 0 : 2) : (r[4] > r[8] ? 1 : 2), j = (i + 1) % 3, k = (i + 2) % 3;
+        q[i] = 1 + r[4 * i] - r[4 * j] - r[4 * k];
+        q[j] = r[3 * i + j] + r[3 * j + i];
+        q[k] = r[3 * i + k] + r[3 * k + i];
+        q[3] = r[3 * k + j] - r[3 * j + k];
+    }
+    for (int i = 0; i < 4; i++) length += q[i] * q[i];
+    length = copysign(sqrt(length), q[3]); /* w >= 0 */
+    for (int i = 0; i < 4; i++) q[i] /= length;
+    return p;
+}
+
+bool pose_take(const fathom_pose *p, pose *a) {
+    const double *q = p->orientation;
+    double x = q[0], y = q[1], z = q[2], w = q[3], length = sqrt(x * x + y * y + z * z + w * w);
+    for (int i = 0; i < 3; i++)
+        if (!isfinite(a->t[i] = p->position[i])) return false;
+    if (!(fabs(length - 1) <= 1e-3)) return false; /* false for NaN */
+    x /= length, y /= length, z /= length, w /= length;
+    const double r[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
+                         2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+                         2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)};
+    memcpy(a->r, r, sizeof r);
     return true;
 }

@@ -8,6 +8,8 @@
 
 #include <stdbool.h>
 
+#include "fathom.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -33,9 +35,13 @@ void pose_adjoint(const pose *a,
 void pose_right_jacobian(const double twist[6],
                          double j[36]); /* exp(twist + d) = exp(twist) * exp(j d) for small d, row-major 6x6 */
 
-void pose_to_matrix(const pose *a, float matrix[16]); /* row-major 4x4 */
-bool pose_from_matrix(const float matrix[16],
-                      pose *a); /* false unless finite, rigid (to 1e-3) and right-handed */
+void pose_to_matrix(const pose *a, double matrix[16]); /* row-major 4x4 */
+/* False unless finite, rigid (to 1e-3) and right-handed. */
+bool pose_from_matrix(const double matrix[16], pose *a);
+
+/* To the caller and back. False unless finite and of unit length, to 1e-3. */
+fathom_pose pose_give(const pose *a);
+bool pose_take(const fathom_pose *given, pose *a);
 
 void so3_exp(const double w[3], double r[9]); /* Rodrigues */
 void so3_log(const double r[9], double w[3]);

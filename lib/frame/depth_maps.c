@@ -8,31 +8,32 @@
 #define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
 
 int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
+    const fathom_pinhole *p = &c->depth_camera;
     int width = c->align_width, height = c->align_height;
     if (width == 0 && height == 0) {
         int factor = 1;
-        while (c->depth_width / factor > c->max_align_width || c->depth_width % factor ||
-               c->depth_height % factor) {
+        while (p->width / factor > c->max_align_width || p->width % factor || p->height % factor) {
             if (++factor > 64) {
                 log_write(c, FATHOM_LOG_ERROR,
-                          "depth of %dx%d has no whole fraction up to %d wide: set align_width",
-                          c->depth_width, c->depth_height, c->max_align_width);
+                           "depth of %dx%d has no whole fraction up to %d wide: set align_width",
+                           p->width, p->height, c->max_align_width);
                 return FATHOM_ERROR_CONFIG;
             }
         }
-        width = c->depth_width / factor;
-        height = c->depth_height / factor;
+        width = p->width / factor;
+        height = p->height / factor;
     }
-    if (width < 16 || height < 16 || c->depth_width % width || c->depth_height % height ||
-        c->depth_width / width != c->depth_height / height) {
+    if (width < 16 || height < 16 || p->width % width || p->height % height ||
+        p->width / width != p->height / height) {
         log_write(c, FATHOM_LOG_ERROR,
-                  "alignment size %dx%d is not depth size %dx%d over one whole number, or below 16", width,
-                  height, c->depth_width, c->depth_height);
+                   "alignment size %dx%d is not depth size %dx%d over one whole number, or below 16", width,
+                   height, p->width, p->height);
         return FATHOM_ERROR_CONFIG;
     }
     /* averaging n pixels puts the new pixel's centre amid them */
-    float n = (float)(c->depth_width / width), shift = 0.5f * (n - 1);
-    *camera = kernel_camera_of(width, height, c->fx / n, c->fy / n, (c->cx - shift) / n, (c->cy - shift) / n);
+    float n = (float)(p->width / width), shift = 0.5f * (n - 1);
+    *camera = kernel_camera_of(width, height, (float)p->fx / n, (float)p->fy / n, ((float)p->cx - shift) / n,
+                               ((float)p->cy - shift) / n);
     return FATHOM_OK;
 }
 
@@ -46,27 +47,32 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
     }
     /* what is noisier than the surface is thick fills the pool and says nothing */
     float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m) - c->depth_noise_base_m;
-    const float growth = c->depth_noise_growth_per_m;
-    float far_m = growth > 0 ? sqrtf(fmaxf(thick, 0) / growth) : c->max_depth_m;
-    const float *k = c->distortion;
-    m->source = (kernel_depth_source){c->fx,
-                                      c->fy,
-                                      c->cx,
-                                      c->cy,
-                                      k[0],
-                                      k[1],
-                                      k[2],
-                                      k[3],
-                                      k[4],
-                                      k[0] != 0 || k[1] != 0 || k[2] != 0 || k[3] != 0 || k[4] != 0,
-                                      c->depth_width,
-                                      c->depth_height,
-                                      c->depth_width / m->camera[FINEST].width,
-                                      1.0f / c->depth_units_per_metre,
-                                      c->min_depth_m,
-                                      fmaxf(fminf(c->max_depth_m, far_m), c->min_depth_m)};
+    float far_m = c->depth_noise_growth_per_m > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth_per_m) : c->max_depth_m;
+    const fathom_pinhole *p = &c->depth_camera;
+    float k[8] = {0};
+    for (int i = 0; i < (p->lens == FATHOM_LENS_PINHOLE ? 0 : p->lens == FATHOM_LENS_FIVE ? 5 : 8); i++)
+        k[i] = (float)p->coefficients[i];
+    m->source = (kernel_depth_source){.fx = (float)p->fx,
+                                      .fy = (float)p->fy,
+                                      .cx = (float)p->cx,
+                                      .cy = (float)p->cy,
+                                      .k1 = k[0],
+                                      .k2 = k[1],
+                                      .p1 = k[2],
+                                      .p2 = k[3],
+                                      .k3 = k[4],
+                                      .k4 = k[5],
+                                      .k5 = k[6],
+                                      .k6 = k[7],
+                                      .lens = p->lens,
+                                      .width = p->width,
+                                      .height = p->height,
+                                      .factor = p->width / m->camera[FINEST].width,
+                                      .metres_per_unit = 1.0f / c->depth_units_per_metre,
+                                      .min_m = c->min_depth_m,
+                                      .max_m = fmaxf(fminf(c->max_depth_m, far_m), c->min_depth_m)};
     m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth_per_m}};
-    device_buffer_make(d, a, (size_t)c->depth_width * (size_t)c->depth_height * 2, &m->raw);
+    device_buffer_make(d, a, (size_t)p->width * (size_t)p->height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
         device_buffer_make(d, a, (size_t)m->camera[i].plane * 4, &m->depth[i]);
@@ -97,10 +103,15 @@ void depth_maps_close(depth_maps *m) {
     }
 }
 
-void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarsest) {
+void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, size_t stride_bytes, int coarsest) {
     void *raw = device_map(d, &m->raw, CL_MAP_WRITE);
     if (!raw) return;
-    memcpy(raw, frame, (size_t)m->source.width * (size_t)m->source.height * 2);
+    const size_t row_bytes = (size_t)m->source.width * 2, rows = (size_t)m->source.height;
+    if (stride_bytes == row_bytes)
+        memcpy(raw, frame, row_bytes * rows);
+    else
+        for (size_t y = 0; y < rows; y++)
+            memcpy((char *)raw + row_bytes * y, (const char *)frame + stride_bytes * y, row_bytes);
     device_unmap(d, &m->raw, raw);
     depth_maps_compute(m, d, coarsest);
 }

@@ -27,8 +27,8 @@ int depth_maps_camera(const fathom_config *config, kernel_camera *camera);
 void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *config);
 void depth_maps_close(depth_maps *m);
 
-/* Queues all maps of a frame down to the coarsest level that is asked for. */
-void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, int coarsest);
+/* Queues all maps of a frame, whose rows lie stride_bytes apart, down to the coarsest level wanted. */
+void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, size_t stride_bytes, int coarsest);
 
 /* The same for the frame that was copied last. */
 void depth_maps_compute(depth_maps *m, device *d, int coarsest);

@@ -68,7 +68,7 @@ int samples_push(imu_samples *s, const fathom_imu_sample *sample) {
     unsigned head = atomic_load_explicit(&s->head, memory_order_relaxed);
     if (head - atomic_load_explicit(&s->tail, memory_order_acquire) == s->capacity) {
         atomic_fetch_add_explicit(&s->overrun, 1, memory_order_relaxed);
-        return FATHOM_OK;
+        return FATHOM_ERROR_FULL;
     }
     s->ring[head & (s->capacity - 1)] = *sample;
     atomic_store_explicit(&s->head, head + 1, memory_order_release);

@@ -61,8 +61,8 @@ fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) 
     const image_size *sizes;
     bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
-    for (int i = 0; i < count * 16; i++) {
-        int factor = 1 + i / count % 4, kind = i / count / 4; /* plain, limits, distorted, empty */
+    for (int i = 0; i < count * 20; i++) {
+        int factor = 1 + i / count % 4, kind = i / count / 4; /* plain, limits, distorted, empty, rational */
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
         kernel_depth_source s = {.fx = c.fx * (float)factor,
                                  .fy = c.fy * (float)factor,
@@ -83,7 +83,13 @@ fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) 
             s.p1 = q[2];
             s.p2 = q[3];
             s.k3 = q[4];
-            s.distorted = 1;
+            s.lens = FATHOM_LENS_FIVE;
+        }
+        if (kind == 4) { /* a wide lens as calibrations give them */
+            const float k[8] = {0.52f, -2.71f, 0.0005f, -0.0002f, 1.49f, 0.40f, -2.53f, 1.42f};
+            float *const to[8] = {&s.k1, &s.k2, &s.p1, &s.p2, &s.k3, &s.k4, &s.k5, &s.k6};
+            for (int j = 0; j < 8; j++) *to[j] = factor % 2 ? k[j] : 0.5f * k[j];
+            s.lens = FATHOM_LENS_RATIONAL;
         }
         uint16_t *raw = random_frame(&b, &s, kind == 1);
         if (kind == 3) memset(raw, factor % 2 ? 0 : 0xff, (size_t)s.width * (size_t)s.height * sizeof *raw);

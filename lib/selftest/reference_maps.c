@@ -47,9 +47,10 @@ static void mark(uint8_t *doubt, int index, bool value) {
 
 /* The metric depth that the ideal pinhole sees at a pixel; 0: none. */
 static double metric_depth(const uint16_t *raw, const kernel_depth_source *s, int x, int y, bool *doubt) {
-    if (s->distorted) { /* Brown-Conrady, OpenCV's order */
+    if (s->lens) { /* OpenCV's order */
         double u = (x - (double)s->cx) / s->fx, v = (y - (double)s->cy) / s->fy, r2 = u * u + v * v;
         double radial = 1 + s->k1 * r2 + s->k2 * r2 * r2 + s->k3 * r2 * r2 * r2;
+        if (s->lens == FATHOM_LENS_RATIONAL) radial /= 1 + s->k4 * r2 + s->k5 * r2 * r2 + s->k6 * r2 * r2 * r2;
         double seen_u = u * radial + 2 * s->p1 * u * v + s->p2 * (r2 + 2 * u * u);
         double seen_v = v * radial + s->p1 * (r2 + 2 * v * v) + 2 * s->p2 * u * v;
         double column = seen_u * s->fx + s->cx + 0.5, row = seen_v * s->fy + s->cy + 0.5;

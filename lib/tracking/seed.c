@@ -18,9 +18,9 @@ static void propagate(const double old[36], const inertial_motion *d, double out
 }
 
 static bool ask_hook(const fathom_config *c, int64_t from_ns, int64_t to_ns, inertial_motion *d) {
-    fathom_motion given;
+    fathom_motion given = FATHOM_STRUCT(fathom_motion);
     if (!c->inertial_hook || c->inertial_hook(c->inertial_user, from_ns, to_ns, &given) != FATHOM_OK ||
-        !pose_from_matrix(given.motion, &d->motion))
+        !pose_take(&given.motion, &d->motion))
         return false;
     for (int i = 0; i < 36; i++) {
         d->covariance[i] = given.covariance[i];

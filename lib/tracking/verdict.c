@@ -17,7 +17,7 @@ double valid_part(const depth_maps *maps, const fathom_depth_frame *scan) {
     int low = (int)fminf(fmaxf(ceilf(s->min_m / unit), 1), 65535), high = (int)fminf(s->max_m / unit, 65534);
     for (int y = 0; y < scan->height; y += 4, rows++)
         for (int x = 0; x < scan->width; x++) {
-            int d = scan->depth[y * scan->width + x];
+            int d = scan->depth[y * (scan->row_stride_bytes / 2) + x];
             valid += d >= low && d <= high;
         }
     return (double)valid / (rows * scan->width);

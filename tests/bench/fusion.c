@@ -33,7 +33,7 @@ static bool pose_at(const fathom_recording *recording, int64_t stamp_ns, pose *a
 
 static void fuse_frame(fathom *f, const uint16_t *depth, const pose *at, double ms[STAGES]) {
     double start = now_ms();
-    depth_maps_make(&f->maps, &f->device, depth, FINEST);
+    depth_maps_make(&f->maps, &f->device, depth, 2 * (size_t)f->config.depth_camera.width, FINEST);
     device_wait(&f->device);
     double made = now_ms();
     if (integrator_request(&f->integrator, &f->device, &f->volume, &f->maps, at, false) > 0) integrator_allocate(&f->integrator, &f->device, &f->volume);

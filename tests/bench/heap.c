@@ -34,9 +34,12 @@ static int run(struct playback *playback, const fathom_recording *recording, int
     if (dl_iterate_phdr(watch_object_of, address) != 1)
         return cli_error(CLI_FAILED, "heap: the library isn't an object of its own");
     for (int i = 0; i < frames; i++) {
-        const fathom_depth_frame scan = {recording->frames[i].timestamp_ns, depth, recording->width,
-                                         recording->height};
-        fathom_result r;
+        const fathom_depth_frame scan = {.struct_size = sizeof scan,
+                                         .timestamp_ns = recording->frames[i].timestamp_ns,
+                                         .depth = depth,
+                                         .width = recording->width,
+                                         .height = recording->height};
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         playback_push_imu(playback, recording, i);
         int error = fathom_recording_read_depth(recording, i, depth);
         const long own_before = heap_count_watched(), all_before = heap_count_all();

@@ -254,9 +254,12 @@ static int run(struct playback *playback, const fathom_recording *recording, int
     if (!f->device.queue) return cli_error(CLI_FAILED, "limit: no queue with profiling (code %d)", e);
     clReleaseCommandQueue(plain);
     for (int i = 0; !error && i < frames && i < recording->frame_count; i++) {
-        const fathom_depth_frame scan = {recording->frames[i].timestamp_ns, depth, recording->width,
-                                         recording->height};
-        fathom_result r;
+        const fathom_depth_frame scan = {.struct_size = sizeof scan,
+                                         .timestamp_ns = recording->frames[i].timestamp_ns,
+                                         .depth = depth,
+                                         .width = recording->width,
+                                         .height = recording->height};
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         playback_push_imu(playback, recording, i);
         error = fathom_recording_read_depth(recording, i, depth);
         watch.counts = i >= FIRST;

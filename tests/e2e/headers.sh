@@ -80,8 +80,9 @@ cat >"$work/outside.c" <<'END'
 int main(void) {
     char header[32];
     snprintf(header, sizeof header, "%d.%d.%d", FATHOM_VERSION_MAJOR, FATHOM_VERSION_MINOR, FATHOM_VERSION_PATCH);
-    fathom_config config = fathom_config_default();
-    long long bytes = (long long)fathom_memory_required(&config);
+    fathom_config config;
+    fathom_config_init(&config);
+    long long bytes = (long long)fathom_memory_required(&config, NULL, 0);
     printf("%s %lld\n", fathom_version(), bytes);
     return strcmp(header, fathom_version()) != 0 || bytes <= 0;
 }

@@ -95,13 +95,13 @@ static void ask(struct run *run, int64_t now_ns) {
     matrix_of(&pose, here);
     for (int i = 0; i < HORIZONS; i++) {
         const int64_t then_ns = now_ns + (int64_t)(SECOND * horizons[i]);
-        fathom_motion motion;
+        fathom_motion motion = FATHOM_STRUCT(fathom_motion);
         push_until(run, then_ns);
         if (fathom_recording_pose_at(run->recording, then_ns, &pose) != FATHOM_OK) return;
         if (fathom_inertial_estimate(run->scan, now_ns, then_ns, &motion) != FATHOM_OK) return;
         matrix_of(&pose, there);
         between(here, there, truth);
-        for (int k = 0; k < 16; k++) estimate[k] = motion.motion[k];
+        fathom_pose_to_matrix(&motion.motion, estimate);
         between(truth, estimate, error);
         printf("%.3f %g %.4f %.2f %.6f %.5f\n", (double)now_ns / SECOND, horizons[i], length_of(truth),
                degrees_of(truth), length_of(error), degrees_of(error));
@@ -131,11 +131,15 @@ static int track(struct run *run, double from, double every) {
     int failed = depth ? 0 : fail("depth", FATHOM_ERROR_MEMORY);
     for (int i = 0; i < r->frame_count && !failed; i++) {
         const int64_t now = r->frames[i].timestamp_ns;
-        fathom_result result;
+        fathom_result result = FATHOM_STRUCT(fathom_result);
         if ((double)(end - now) < SECOND * horizons[HORIZONS - 1]) break;
         push_until(run, now);
         int error = fathom_recording_read_depth(r, i, depth);
-        const fathom_depth_frame frame = {now, depth, r->width, r->height};
+        const fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                          .timestamp_ns = now,
+                                          .depth = depth,
+                                          .width = r->width,
+                                          .height = r->height};
         if (error == FATHOM_OK) error = fathom_step(run->scan, &frame, &result);
         if (error != FATHOM_OK) failed = fail("step", error);
         if (failed || result.state != FATHOM_TRACKED || (double)(now - start) < SECOND * due) continue;
@@ -148,7 +152,8 @@ static int track(struct run *run, double from, double every) {
 
 int main(int argc, char **argv) {
     fathom_recording_options options = {.log = say};
-    fathom_config config = fathom_config_default();
+    fathom_config config;
+    fathom_config_init(&config);
     double from = 10, every = 0.5;
     for (int i = 2; i + 1 < argc; i += 2) {
         if (!strcmp(argv[i], "--imu"))
@@ -174,9 +179,9 @@ int main(int argc, char **argv) {
     fathom_recording_configure(run.recording, &config);
     config.max_imu_samples = 1 << 14; /* the longest horizon's samples at once, at up to 3 kHz */
     config.log = say;
-    const int64_t bytes = fathom_memory_required(&config);
+    const int64_t bytes = fathom_memory_required(&config, NULL, 0);
     void *memory = bytes > 0 ? malloc((size_t)bytes) : NULL;
-    error = memory ? fathom_init(&run.scan, &config, memory, (size_t)bytes) : FATHOM_ERROR_MEMORY;
+    error = memory ? fathom_init(&run.scan, &config, memory, (size_t)bytes, NULL, 0) : FATHOM_ERROR_MEMORY;
     const int failed = error == FATHOM_OK ? track(&run, from, every) : fail("fathom_init", error);
     fathom_close(run.scan);
     fathom_recording_close(run.recording);

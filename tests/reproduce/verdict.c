@@ -193,8 +193,13 @@ static int track_all(struct run *run, uint16_t *depth) {
          "rad,agreement,see_through,visible,innovation,verdict");
     for (int i = 0; i < recording->frame_count; i += run->stride) {
         const int64_t now = recording->frames[i].timestamp_ns;
-        const fathom_depth_frame scan = {now, depth, recording->width, recording->height};
-        fathom_result r;
+        const fathom_depth_frame scan = {.struct_size = sizeof scan,
+                                         .timestamp_ns = now,
+                                         .depth = depth,
+                                         .width = recording->width,
+                                         .height = recording->height,
+                                         .row_stride_bytes = 2 * recording->width};
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         playback_push_imu(&run->playback, recording, i);
         int error = fathom_recording_read_depth(recording, i, depth);
         if (error == FATHOM_OK) error = fathom_step(f, &scan, &r);
@@ -247,7 +252,7 @@ int main(int argc, char **argv) {
     run.name = slash ? slash + 1 : argv[1];
     settings_start(&settings);
     int failed = playback_open(&run.recording, argv[1], NULL, &settings, &log);
-    if (!failed) failed = playback_start(&run.playback, run.recording, run.stride, &settings.config, &log);
+    if (!failed) failed = playback_start(&run.playback, run.recording, run.stride, &settings, &settings.config, &log);
     if (!failed) {
         uint16_t *depth =
             malloc((size_t)run.recording->width * (size_t)run.recording->height * sizeof *depth);

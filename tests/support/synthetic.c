@@ -46,7 +46,7 @@ void synthetic_render(enum scene_kind kind, double still_s, int count, synthetic
         pose p;
         memcpy(p.r, at.rotation, sizeof p.r);
         memcpy(p.t, at.position, sizeof p.t);
-        pose_to_matrix(&p, frames[i].pose);
+        frames[i].pose = pose_give(&p);
     }
     scene_free(&scene);
 }
@@ -89,30 +89,31 @@ const char *synthetic_folder(const char *name) {
 
 fathom_config synthetic_config(const synthetic_frame *first) {
     static char cache[4096];
-    fathom_config c = fathom_config_default();
+    fathom_config c;
+    fathom_config_init(&c);
     if (!*cache) snprintf(cache, sizeof cache, "%s", synthetic_folder("kernels"));
-    c.depth_width = SYNTHETIC_WIDTH;
-    c.depth_height = SYNTHETIC_HEIGHT;
-    c.fx = (float)camera.fx;
-    c.fy = (float)camera.fy;
-    c.cx = (float)camera.cx;
-    c.cy = (float)camera.cy;
+    c.depth_camera.width = SYNTHETIC_WIDTH;
+    c.depth_camera.height = SYNTHETIC_HEIGHT;
+    c.depth_camera.fx = camera.fx;
+    c.depth_camera.fy = camera.fy;
+    c.depth_camera.cx = camera.cx;
+    c.depth_camera.cy = camera.cy;
     c.depth_units_per_metre = SYNTHETIC_UNITS;
     c.voxel_m = 0.02f;
     c.max_blocks = 6000;
-    if (first) memcpy(c.first_pose, first->pose, sizeof c.first_pose);
+    if (first) c.first_pose = first->pose;
     c.cache_folder = cache;
     return c;
 }
 
 synthetic_context synthetic_start(const fathom_config *config) {
     synthetic_context c = {NULL, NULL, 0};
-    int64_t bytes = fathom_memory_required(config);
+    int64_t bytes = fathom_memory_required(config, NULL, 0);
     assert_true(bytes > 0);
     c.bytes = (size_t)bytes;
     c.block = malloc(c.bytes);
     assert_non_null(c.block);
-    assert_int_equal(fathom_init(&c.scan, config, c.block, c.bytes), FATHOM_OK);
+    assert_int_equal(fathom_init(&c.scan, config, c.block, c.bytes, NULL, 0), FATHOM_OK);
     assert_non_null(c.scan);
     return c;
 }
@@ -124,9 +125,17 @@ void synthetic_stop(synthetic_context *c) {
     c->block = NULL;
 }
 
+fathom_depth_frame synthetic_depth(int64_t timestamp_ns, const uint16_t *depth, int width, int height) {
+    return (fathom_depth_frame){.struct_size = sizeof(fathom_depth_frame),
+                                .timestamp_ns = timestamp_ns,
+                                .depth = depth,
+                                .width = width,
+                                .height = height};
+}
+
 fathom_result synthetic_step(fathom *scan, const synthetic_frame *f) {
-    fathom_depth_frame frame = {f->timestamp_ns, f->depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-    fathom_result r;
+    fathom_depth_frame frame = synthetic_depth(f->timestamp_ns, f->depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     assert_int_equal(fathom_step(scan, &frame, &r), FATHOM_OK);
     assert_true(r.timestamp_ns == f->timestamp_ns);
     synthetic_check_result(&r);
@@ -135,8 +144,8 @@ fathom_result synthetic_step(fathom *scan, const synthetic_frame *f) {
 
 fathom_result synthetic_blank(fathom *scan, int64_t timestamp_ns) {
     static const synthetic_frame blank;
-    fathom_depth_frame frame = {timestamp_ns, blank.depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-    fathom_result r;
+    fathom_depth_frame frame = synthetic_depth(timestamp_ns, blank.depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     assert_int_equal(fathom_step(scan, &frame, &r), FATHOM_OK);
     synthetic_check_result(&r);
     return r;
@@ -147,8 +156,8 @@ static void check_finite(const float *values, int count) {
 }
 
 void synthetic_check_result(const fathom_result *r) {
-    check_finite(r->pose, 16);
-    check_finite(r->covariance, 36);
+    for (int i = 0; i < 36; i++)
+        assert_true(isfinite(r->pose_covariance[i]) && isfinite(r->odometry_covariance[i]));
     check_finite(r->singular_values, 6);
     const float rest[] = {r->rms_m,
                           r->weight,
@@ -166,14 +175,14 @@ void synthetic_check_result(const fathom_result *r) {
     assert_true(strcmp(fathom_state_name(r->state), "unknown") != 0);
     assert_true(strcmp(fathom_verdict_name(r->verdict), "unknown") != 0);
     pose p;
-    assert_true(pose_from_matrix(r->pose, &p));
+    assert_true(pose_take(&r->pose, &p) && pose_take(&r->odometry, &p));
     double c[36], e[6];
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) {
-            double scale = sqrt((double)r->covariance[7 * i] * r->covariance[7 * j]);
-            assert_true(r->covariance[7 * i] >= 0);
-            assert_true(fabs(r->covariance[6 * i + j] - r->covariance[6 * j + i]) <= 1e-5 * scale);
-            c[6 * i + j] = r->covariance[6 * i + j];
+            double scale = sqrt(r->pose_covariance[7 * i] * r->pose_covariance[7 * j]);
+            assert_true(r->pose_covariance[7 * i] >= 0);
+            assert_true(fabs(r->pose_covariance[6 * i + j] - r->pose_covariance[6 * j + i]) <= 1e-5 * scale);
+            c[6 * i + j] = r->pose_covariance[6 * i + j];
         }
     /* positive, up to the rounding to floats: with a millionth more on its diagonal it has a Cholesky factor */
     for (int i = 0; i < 6; i++) {
@@ -183,18 +192,18 @@ void synthetic_check_result(const fathom_result *r) {
     assert_true(isfinite(covariance_mahalanobis(c, e)));
 }
 
-static pose way(const float a[16], const float b[16]) {
+static pose way(fathom_pose a, fathom_pose b) {
     pose from, to;
-    assert_true(pose_from_matrix(a, &from) && pose_from_matrix(b, &to));
+    assert_true(pose_take(&a, &from) && pose_take(&b, &to));
     return pose_between(&from, &to);
 }
 
-double synthetic_distance(const float a[16], const float b[16]) {
+double synthetic_distance(fathom_pose a, fathom_pose b) {
     pose p = way(a, b);
     return pose_distance(&p);
 }
 
-double synthetic_angle(const float a[16], const float b[16]) {
+double synthetic_angle(fathom_pose a, fathom_pose b) {
     pose p = way(a, b);
     return pose_angle(&p);
 }

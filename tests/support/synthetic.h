@@ -15,7 +15,7 @@
 
 typedef struct {
     int64_t timestamp_ns;
-    float pose[16]; /* the truth, camera to world */
+    fathom_pose pose; /* the truth, camera to world */
     uint16_t depth[SYNTHETIC_PIXELS];
 } synthetic_frame;
 
@@ -44,6 +44,9 @@ typedef struct {
 synthetic_context synthetic_start(const fathom_config *config);
 void synthetic_stop(synthetic_context *context);
 
+/* A frame as fathom_step takes it. */
+fathom_depth_frame synthetic_depth(int64_t timestamp_ns, const uint16_t *depth, int width, int height);
+
 /* One step; fails the test unless it returns FATHOM_OK and the result is in order (synthetic_check_result). */
 fathom_result synthetic_step(fathom *scan, const synthetic_frame *frame);
 
@@ -55,8 +58,8 @@ fathom_result synthetic_blank(fathom *scan, int64_t timestamp_ns);
 void synthetic_check_result(const fathom_result *result);
 
 /* Between two poses, metres and radians. */
-double synthetic_distance(const float a[16], const float b[16]);
-double synthetic_angle(const float a[16], const float b[16]);
+double synthetic_distance(fathom_pose a, fathom_pose b);
+double synthetic_angle(fathom_pose a, fathom_pose b);
 
 /* A log for fathom_config.log. */
 typedef struct {

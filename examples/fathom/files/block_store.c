@@ -117,7 +117,7 @@ bool block_store_open(struct block_store *store, const char *beside, fathom_conf
 }
 
 bool block_store_report(const struct block_store *store, fathom *scan) {
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     if (!store->path || fathom_get_counters(scan, &counters)) return true;
     if (counters.blocks_dropped)
         cli_note("%lld blocks of the surface made room for others, %lld came back; the file that kept them "

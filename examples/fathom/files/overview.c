@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fathom/files/view.h"
+
 /* The surface is sampled by looking at it from poses along the way: which costs no mesh. */
 #define LOOKS 16
 #define LOOK_WIDTH 160
@@ -45,20 +47,21 @@ static int compare(const void *a, const void *b) {
 /* Upwards is against the camera's y axis, forward along its z axis, each averaged over the way. Someone who
  * has turned right round has no average direction: then the first pose's has to do. */
 static void find_axes(struct scene *scene, const struct path *path) {
-    const float *first = path->points[0].pose;
+    double first[16], m[16];
+    if (fathom_pose_to_matrix(&path->points[0].pose, first)) return;
     float up[3] = {0}, forward[3] = {0};
     for (int i = 0; i < path->count; i++)
-        for (int k = 0; k < 3; k++) {
-            up[k] -= path->points[i].pose[4 * k + 1] / (float)path->count;
-            forward[k] += path->points[i].pose[4 * k + 2] / (float)path->count;
+        for (int k = 0; k < 3 && !fathom_pose_to_matrix(&path->points[i].pose, m); k++) {
+            up[k] -= (float)m[4 * k + 1] / (float)path->count;
+            forward[k] += (float)m[4 * k + 2] / (float)path->count;
         }
     if (!normalise(up))
-        for (int k = 0; k < 3; k++) up[k] = -first[4 * k + 1];
+        for (int k = 0; k < 3; k++) up[k] = (float)-first[4 * k + 1];
     for (int attempt = 0; attempt < 3; attempt++) {
         const float along = dot(forward, up);
         for (int k = 0; k < 3; k++) forward[k] -= along * up[k];
         if (dot(forward, forward) > 0.01f) break;
-        for (int k = 0; k < 3; k++) forward[k] = first[4 * k + (attempt ? 0 : 2)];
+        for (int k = 0; k < 3; k++) forward[k] = (float)first[4 * k + (attempt ? 0 : 2)];
     }
     normalise(forward);
     memcpy(scene->up, up, sizeof up);
@@ -67,26 +70,23 @@ static void find_axes(struct scene *scene, const struct path *path) {
 }
 
 static int sample_surface(fathom *context, const struct path *path, struct scene *scene) {
-    fathom_view look = {.width = LOOK_WIDTH,
-                        .height = LOOK_HEIGHT,
-                        .fx = 0.7f * LOOK_WIDTH,
-                        .fy = 0.7f * LOOK_WIDTH,
-                        .cx = 0.5f * (LOOK_WIDTH - 1),
-                        .cy = 0.5f * (LOOK_HEIGHT - 1)};
+    fathom_view look = view_of(LOOK_WIDTH, LOOK_HEIGHT, 0.7);
+    const fathom_pinhole *c = &look.camera;
     for (int i = 0; i < LOOKS; i++) {
         const int at = (int)((int64_t)(path->count - 1) * i / (LOOKS - 1));
-        const float *pose = path->points[at].pose;
-        memcpy(look.pose, pose, sizeof look.pose);
-        const int result = fathom_model_maps(context, &look, scene->depth, NULL);
+        double m[16];
+        look.pose = path->points[at].pose;
+        int result = fathom_pose_to_matrix(&look.pose, m);
+        if (!result) result = fathom_cast_view(context, &look, scene->depth, NULL);
         if (result < 0) return result;
         for (int v = 0; v < LOOK_HEIGHT; v += SKIP)
             for (int u = 0; u < LOOK_WIDTH; u += SKIP) {
                 const float z = scene->depth[v * LOOK_WIDTH + u];
                 if (!(z > 0)) continue;
-                const float x = ((float)u - look.cx) / look.fx * z, y = ((float)v - look.cy) / look.fy * z;
+                const double x = (u - c->cx) / c->fx * z, y = (v - c->cy) / c->fy * z;
                 float *point = scene->points[scene->count++];
                 for (int k = 0; k < 3; k++)
-                    point[k] = pose[4 * k] * x + pose[4 * k + 1] * y + pose[4 * k + 2] * z + pose[4 * k + 3];
+                    point[k] = (float)(m[4 * k] * x + m[4 * k + 1] * y + m[4 * k + 2] * z + m[4 * k + 3]);
             }
     }
     return scene->count ? FATHOM_OK : FATHOM_ERROR_NO_DATA;
@@ -116,37 +116,36 @@ static void look_from(const struct scene *scene, float azimuth, float elevation,
     cross(z, scene->up, x);
     normalise(x);
     cross(z, x, y);
+    double m[16] = {0};
     for (int k = 0; k < 3; k++) {
-        view->pose[4 * k] = x[k];
-        view->pose[4 * k + 1] = y[k];
-        view->pose[4 * k + 2] = z[k];
-        view->pose[4 * k + 3] = scene->centre[k] - distance * z[k];
-        view->pose[12 + k] = 0;
+        m[4 * k] = x[k];
+        m[4 * k + 1] = y[k];
+        m[4 * k + 2] = z[k];
+        m[4 * k + 3] = scene->centre[k] - distance * z[k];
     }
-    view->pose[15] = 1;
+    m[15] = 1;
+    fathom_pose_from_matrix(m, &view->pose);
 }
 
 /* Where a world point falls in the view; false when it is behind it or outside. */
 static bool project(const fathom_view *view, const float world[3], float margin, float *u, float *v,
                     float *z) {
-    float camera[3] = {0};
-    for (int k = 0; k < 3; k++)
-        for (int l = 0; l < 3; l++) camera[k] += view->pose[4 * l + k] * (world[l] - view->pose[4 * l + 3]);
-    *z = camera[2];
-    if (!(*z > 0.05f)) return false;
-    *u = view->fx * camera[0] / *z + view->cx;
-    *v = view->fy * camera[1] / *z + view->cy;
-    return *u >= margin && *v >= margin && *u <= (float)view->width - 1 - margin &&
-           *v <= (float)view->height - 1 - margin;
+    float at[3];
+    if (!view_project(view, world, at)) return false;
+    *u = at[0];
+    *v = at[1];
+    *z = at[2];
+    return *u >= margin && *v >= margin && *u <= (float)view->camera.width - 1 - margin &&
+           *v <= (float)view->camera.height - 1 - margin;
 }
 
 static void position_of(const struct path_point *point, float out[3]) {
-    for (int k = 0; k < 3; k++) out[k] = point->pose[4 * k + 3];
+    for (int k = 0; k < 3; k++) out[k] = (float)point->pose.position[k];
 }
 
 /* Nearly all of the surface and all of the way are in the frame. */
 static bool shows_all(const struct scene *scene, const struct path *path, const fathom_view *view) {
-    const float margin = 0.04f * (float)view->width;
+    const float margin = 0.04f * (float)view->camera.width;
     float u, v, z;
     int outside = 0;
     for (int i = 0; i < path->count; i++) {
@@ -177,15 +176,16 @@ static float nearest_distance(const struct scene *scene, const struct path *path
 static int score_view(fathom *context, const struct scene *scene, const struct path *path,
                       const fathom_view *view, float *score) {
     fathom_view small = *view;
-    const float scale = (float)LOOK_WIDTH / (float)view->width;
+    fathom_pinhole *c = &small.camera;
+    const double scale = (double)LOOK_WIDTH / c->width;
     int seen = 0, asked = 0, way_seen = 0, covered = 0;
-    small.width = LOOK_WIDTH;
-    small.height = LOOK_HEIGHT;
-    small.fx *= scale;
-    small.fy *= scale;
-    small.cx = (view->cx + 0.5f) * scale - 0.5f;
-    small.cy = (view->cy + 0.5f) * scale - 0.5f;
-    const int result = fathom_model_maps(context, &small, scene->depth, NULL);
+    *c = (fathom_pinhole){.width = LOOK_WIDTH,
+                          .height = LOOK_HEIGHT,
+                          .fx = c->fx * scale,
+                          .fy = c->fy * scale,
+                          .cx = (c->cx + 0.5) * scale - 0.5,
+                          .cy = (c->cy + 0.5) * scale - 0.5};
+    const int result = fathom_cast_view(context, &small, scene->depth, NULL);
     if (result < 0) return result;
     for (int i = 0; i < LOOK_WIDTH * LOOK_HEIGHT; i++) covered += scene->depth[i] > 0;
     float u, v, z, position[3];

@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fathom/files/view.h"
+
 #define WIDTH 1280
 #define HEIGHT 960
 
@@ -26,19 +28,6 @@ static const uint8_t colours[4][3] = {
     [FATHOM_RECKONED] = {240, 150, 0},
     [FATHOM_LOST] = {213, 40, 0},
 };
-
-/* Pixels and depth of a pose's origin; false when it is behind the view. */
-static bool project(const fathom_view *view, const float pose[16], float out[3]) {
-    float camera[3] = {0};
-    for (int k = 0; k < 3; k++)
-        for (int l = 0; l < 3; l++)
-            camera[k] += view->pose[4 * l + k] * (pose[4 * l + 3] - view->pose[4 * l + 3]);
-    if (!(camera[2] > 0.05f)) return false;
-    out[0] = view->fx * camera[0] / camera[2] + view->cx;
-    out[1] = view->fy * camera[1] / camera[2] + view->cy;
-    out[2] = camera[2];
-    return true;
-}
 
 static int clamp(float value, int low, int high) {
     return !(value > (float)low) ? low : value > (float)high ? high : (int)value;
@@ -90,7 +79,9 @@ static void ink_path(struct canvas *canvas, const struct path *path, float half_
     bool have_before = false;
     for (int i = 0; i < path->count; i++) {
         const fathom_state state = path->points[i].state;
-        const bool have_now = project(&canvas->view, path->points[i].pose, now);
+        float position[3];
+        for (int k = 0; k < 3; k++) position[k] = (float)path->points[i].pose.position[k];
+        const bool have_now = view_project(&canvas->view, position, now);
         if (have_now && have_before) ink_line(canvas, before, now, half_width, state);
         if (have_now && (i == 0 || i == path->count - 1)) ink_line(canvas, now, now, half_width + 4, state);
         memcpy(before, now, sizeof before);
@@ -100,14 +91,9 @@ static void ink_path(struct canvas *canvas, const struct path *path, float half_
 
 static int draw(fathom *context, const struct path *path, struct canvas *canvas) {
     static const uint8_t white[3] = {255, 255, 255};
-    canvas->view = (fathom_view){.width = WIDTH,
-                                 .height = HEIGHT,
-                                 .fx = 1.1f * WIDTH,
-                                 .fy = 1.1f * WIDTH,
-                                 .cx = 0.5f * (WIDTH - 1),
-                                 .cy = 0.5f * (HEIGHT - 1)};
+    canvas->view = view_of(WIDTH, HEIGHT, 1.1);
     int result = overview_choose(context, path, &canvas->view);
-    if (result >= 0) result = fathom_model_maps(context, &canvas->view, canvas->depth, canvas->normals);
+    if (result >= 0) result = fathom_cast_view(context, &canvas->view, canvas->depth, canvas->normals);
     if (result < 0) return result;
     shade(canvas->depth, canvas->normals, (size_t)WIDTH * HEIGHT, canvas->rgb);
     /* A light rim sets the way off against dark surfaces and light ones. */

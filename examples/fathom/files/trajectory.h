@@ -7,6 +7,8 @@
 #include <stdint.h>
 #include <stdio.h>
 
+#include "fathom.h"
+
 struct trajectory {
     const char *path;
     FILE *file;
@@ -15,7 +17,7 @@ struct trajectory {
 /* Each returns false after saying what went wrong; then the file is closed, whole up to the last good line. A
  * trajectory without a file takes everything and does nothing. */
 bool trajectory_open(struct trajectory *trajectory, const char *path);
-bool trajectory_add(struct trajectory *trajectory, int64_t timestamp_ns, const float pose[16]);
+bool trajectory_add(struct trajectory *trajectory, int64_t timestamp_ns, const fathom_pose *pose);
 bool trajectory_close(struct trajectory *trajectory);
 
 #endif

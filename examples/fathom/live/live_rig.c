@@ -31,7 +31,7 @@ static bool find_first(struct search *search, struct cli_log *log) {
 }
 
 static const char *reason(const struct cli_log *log, int error) {
-    return *log->error ? log->error : fathom_source_error_name(error);
+    return *log->error ? log->error : fathom_error_name(error);
 }
 
 static int open_source(fathom_source **source, const char *uri, unsigned kind,

@@ -188,7 +188,7 @@ static int run(const struct command *command, int argc, char **argv) {
     int status = options_read(command, &logging, argc, argv);
     if (status) return status;
     logging.log.verbose = logging.live.verbose;
-    logging.config = fathom_config_default();
+    fathom_config_init(&logging.config);
     cli_catch_interrupt();
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
 

@@ -46,10 +46,10 @@ static void override_rig(struct settings *settings) {
     fathom_config *config = &settings->config;
     if (settings->depth_scale > 0) config->depth_units_per_metre = (float)settings->depth_scale;
     if (settings->intrinsics[0] > 0) {
-        config->fx = (float)settings->intrinsics[0];
-        config->fy = (float)settings->intrinsics[1];
-        config->cx = (float)settings->intrinsics[2];
-        config->cy = (float)settings->intrinsics[3];
+        config->depth_camera.fx = settings->intrinsics[0];
+        config->depth_camera.fy = settings->intrinsics[1];
+        config->depth_camera.cx = settings->intrinsics[2];
+        config->depth_camera.cy = settings->intrinsics[3];
     }
 }
 
@@ -57,13 +57,14 @@ static int start_library(struct scan *scan) {
     fathom_config *config = &scan->settings.config;
     config->log = log_message;
     config->log_user = &scan->log;
+    scan->plan = FATHOM_STRUCT(fathom_memory_plan);
     log_clear(&scan->log);
-    int result = fathom_memory_plan_for(config, &scan->plan);
+    int result = fathom_plan_memory(config, &scan->plan, NULL, 0);
     if (result < 0) return cli_error(status_of(result), "%s", log_reason(&scan->log, result));
     const size_t align = FATHOM_ALIGNMENT, size = ((size_t)scan->plan.host_bytes + align - 1) / align * align;
     scan->memory = aligned_alloc(align, size);
     if (!scan->memory) return cli_error(CLI_FAILED, "out of memory: %zu bytes for the library", size);
-    result = fathom_init(&scan->context, config, scan->memory, size);
+    result = fathom_init(&scan->context, config, scan->memory, size, NULL, 0);
     if (result < 0) return cli_error(status_of(result), "%s", log_reason(&scan->log, result));
     return CLI_DONE;
 }
@@ -85,7 +86,7 @@ static void push_samples(void *context, const fathom_imu_sample *samples, int co
 /* ---- frames ---- */
 
 static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
-    fathom_result result;
+    fathom_result result = FATHOM_STRUCT(fathom_result);
     live_rig_push_until(&scan->rig, frame->depth.timestamp_ns);
     const double latency_ms = 1e-6 * (double)(clock_now_ns() - frame->arrival_ns);
     log_clear(&scan->log);
@@ -97,7 +98,7 @@ static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
     if (stepped < 0)
         return cli_error(CLI_FAILED, "frame %" PRId64 ": %s", frame->index, log_reason(&scan->log, stepped));
     scan->last_ns = frame->depth.timestamp_ns;
-    if (!trajectory_add(&scan->trajectory, result.timestamp_ns, result.pose)) scan->write_failed = true;
+    if (!trajectory_add(&scan->trajectory, result.timestamp_ns, &result.pose)) scan->write_failed = true;
     if (!stats_add(&scan->stats, &result)) scan->write_failed = true;
     scan_report_frame(&scan->report, &scan->rig, &result, latency_ms);
     return CLI_DONE;
@@ -105,7 +106,7 @@ static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
 
 /* While no frames come, the samples that go on must not fill the ring. */
 static void keep_reckoning(struct scan *scan) {
-    fathom_motion motion;
+    fathom_motion motion = FATHOM_STRUCT(fathom_motion);
     if (scan->last_ns != INT64_MIN)
         fathom_inertial_estimate(scan->context, scan->last_ns, scan->last_ns, &motion);
 }
@@ -185,6 +186,7 @@ static int run(const struct command *command, int argc, char **argv) {
     status = live_rig_open(&scan.rig, &scan.live, &scan.rig_log);
     if (!status) status = live_rig_configure(&scan.rig, &scan.live, config, &scan.rig_log);
     if (!status) override_rig(&scan.settings);
+    if (!status) settings_apply_set(&scan.settings, config);
     if (!status) status = open_files(&scan);
     if (!status) status = start_library(&scan);
     if (!status)

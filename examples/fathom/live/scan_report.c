@@ -1,5 +1,4 @@
 #include "fathom/live/scan_report.h"
-#include "simulate/camera_path.h"
 #include "fathom/shell/cli.h"
 #include "fathom/files/stats.h"
 
@@ -32,24 +31,21 @@ static void draw_line(const struct scan_report *report, const struct live_rig *r
                  report->watch.imu.rate_hz, fathom_imu_health_name(result->gyro_health));
     snprintf(line, sizeof line,
              "%s  x %.2f y %.2f z %.2f m  %.1f/s  %.0f ms  %" PRId64 " dropped  %d blocks  %s",
-             fathom_state_name(result->state), (double)result->pose[3], (double)result->pose[7],
-             (double)result->pose[11], report->watch.depth.rate_hz, (double)result->ms_total,
+             fathom_state_name(result->state), result->pose.position[0], result->pose.position[1],
+             result->pose.position[2], report->watch.depth.rate_hz, (double)result->ms_total,
              report->watch.depth.frames_dropped + report->watch.depth.lost, result->blocks, imu);
     cli_progress((long)report->frames, line);
 }
 
 static void print_json(const struct scan_report *report, const struct live_rig *rig,
                        const fathom_result *result, double latency_ms) {
-    double rotation[9], q[4];
-    for (int i = 0; i < 9; i++) rotation[i] = (double)result->pose[4 * (i / 3) + i % 3];
-    quaternion_of(rotation, q);
+    const double *p = result->pose.position, *q = result->pose.orientation;
     printf("{\"t\":%.9f,\"state\":\"%s\",\"verdict\":\"%s\",\"position\":[%.6f,%.6f,%.6f],"
            "\"quaternion\":[%.7f,%.7f,%.7f,%.7f],\"pairs\":%d,\"rms_m\":%.6f,\"blocks\":%d,\"ms\":%.2f,"
            "\"latency_ms\":%.2f,\"depth\":\"%s\",\"rate_hz\":%.2f,\"dropped\":%" PRId64
            ",\"missing\":%" PRId64 ",\"imu\":\"%s\",\"imu_health\":\"%s\"}\n",
            (double)result->timestamp_ns * 1e-9, fathom_state_name(result->state),
-           fathom_verdict_name(result->verdict), (double)result->pose[3], (double)result->pose[7],
-           (double)result->pose[11], q[0], q[1], q[2], q[3], result->pairs, (double)result->rms_m,
+           fathom_verdict_name(result->verdict), p[0], p[1], p[2], q[0], q[1], q[2], q[3], result->pairs, (double)result->rms_m,
            result->blocks, (double)result->ms_total, latency_ms,
            fathom_source_state_name(report->watch.depth.state), report->watch.depth.rate_hz,
            report->watch.depth.frames_dropped, report->watch.depth.lost,

@@ -86,7 +86,7 @@ double evaluate_ate(const fathom_recording *recording, const struct path *path) 
         fathom_recording_pose pose;
         if (fathom_recording_pose_at(recording, path->points[i].timestamp_ns, &pose)) continue;
         memcpy(truth[count], pose.position, sizeof pose.position);
-        for (int k = 0; k < 3; k++) estimate[count][k] = path->points[i].pose[4 * k + 3];
+        memcpy(estimate[count], path->points[i].pose.position, sizeof pose.position);
         count++;
     }
     const double rmse =

@@ -6,8 +6,8 @@
 
 struct path_point {
     int64_t timestamp_ns;
-    float pose[16]; /* row-major 4x4, camera to world */
-    fathom_state state;
+    fathom_pose pose; /* camera to world */
+    int32_t state;    /* fathom_state */
 };
 
 struct path {

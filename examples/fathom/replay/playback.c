@@ -89,20 +89,22 @@ void playback_choose_voxel(const fathom_recording *recording, struct settings *s
 }
 
 int playback_start(struct playback *playback, const fathom_recording *recording, int stride,
-                   fathom_config *config, struct cli_log *log) {
+                   const struct settings *settings, fathom_config *config, struct cli_log *log) {
     fathom_recording_configure(recording, config);
     const int capacity = imu_capacity(recording, stride);
     if (capacity > 4096) config->max_imu_samples = capacity;
+    settings_apply_set(settings, config);
     config->log = log_message;
     config->log_user = log;
     log_clear(log);
-    int result = fathom_memory_plan_for(config, &playback->plan);
+    playback->plan = FATHOM_STRUCT(fathom_memory_plan);
+    int result = fathom_plan_memory(config, &playback->plan, NULL, 0);
     if (result < 0) return cli_error(status_of(result), "%s", log_reason(log, result));
     const size_t align = FATHOM_ALIGNMENT,
                  size = ((size_t)playback->plan.host_bytes + align - 1) / align * align;
     playback->memory = aligned_alloc(align, size);
     if (!playback->memory) return cli_error(CLI_FAILED, "out of memory: %zu bytes for the library", size);
-    result = fathom_init(&playback->scan, config, playback->memory, size);
+    result = fathom_init(&playback->scan, config, playback->memory, size, NULL, 0);
     if (result < 0) return cli_error(status_of(result), "%s", log_reason(log, result));
     playback->next_imu = first_imu(recording);
     playback->imu_clock_offset_ns = config->imu_clock_offset_ns;
@@ -110,7 +112,7 @@ int playback_start(struct playback *playback, const fathom_recording *recording,
 }
 
 void playback_push_imu(struct playback *playback, const fathom_recording *recording, int index) {
-    fathom_rig rig;
+    fathom_rig rig = FATHOM_STRUCT(fathom_rig);
     fathom_get_rig(playback->scan, &rig);
     const int64_t later_ns = rig.imu_clock_offset_ns - playback->imu_clock_offset_ns;
     const int until = imu_until(recording, playback->next_imu, index, later_ns < 0 ? later_ns : 0);

@@ -24,7 +24,7 @@ void playback_choose_voxel(const fathom_recording *recording, struct settings *s
 
 /* Starts the library for every stride-th frame of the recording; completes *config. As above. */
 int playback_start(struct playback *playback, const fathom_recording *recording, int stride,
-                   fathom_config *config, struct cli_log *log);
+                   const struct settings *settings, fathom_config *config, struct cli_log *log);
 
 /* Pushes the samples up to frame 'index', and one beyond its stamp, so that it can be interpolated at. */
 void playback_push_imu(struct playback *playback, const fathom_recording *recording, int index);

@@ -48,6 +48,7 @@ static int start_library(struct replay *replay) {
     const fathom_memory_plan *plan = &replay->playback.plan;
     playback_choose_voxel(replay->recording, &replay->options.settings);
     const int status = playback_start(&replay->playback, replay->recording, (int)replay->options.stride,
+                                      &replay->options.settings,
                                       &replay->options.settings.config, &replay->log);
     if (!status && replay->options.verbose)
         cli_note("on %s: %" PRId64 " bytes of host memory, %" PRId64
@@ -96,8 +97,8 @@ static void take_result(struct replay *replay, int index, const fathom_result *r
     replay->blocks = result->blocks;
     point->timestamp_ns = stamp;
     point->state = result->state;
-    for (int i = 0; i < 16; i++) point->pose[i] = result->pose[i];
-    if (!trajectory_add(&replay->trajectory, stamp, result->pose)) replay->write_failed = true;
+    point->pose = result->pose;
+    if (!trajectory_add(&replay->trajectory, stamp, &result->pose)) replay->write_failed = true;
     if (!stats_add(&replay->stats, result)) replay->write_failed = true;
     if (replay->options.verbose && result->state >= FATHOM_RECKONED)
         cli_note(
@@ -113,7 +114,7 @@ static void take_result(struct replay *replay, int index, const fathom_result *r
 /* Returns a CLI_ status; after one that isn't CLI_DONE no more frames are to be taken. */
 static int take_frame(struct replay *replay, int index) {
     const fathom_recording *recording = replay->recording;
-    fathom_result result;
+    fathom_result result = FATHOM_STRUCT(fathom_result);
     log_clear(&replay->log);
     if (disturb_replaces(&replay->disturb, index)) {
         if (!disturb_render(&replay->disturb, index, replay->pixels)) return CLI_FAILED;
@@ -122,8 +123,11 @@ static int take_frame(struct replay *replay, int index) {
         if (read) return cli_error(CLI_FAILED, "%s", log_reason(&replay->log, read));
     }
     playback_push_imu(&replay->playback, recording, index);
-    const fathom_depth_frame frame = {recording->frames[index].timestamp_ns, replay->pixels, recording->width,
-                                      recording->height};
+    const fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                      .timestamp_ns = recording->frames[index].timestamp_ns,
+                                      .depth = replay->pixels,
+                                      .width = recording->width,
+                                      .height = recording->height};
     const int stepped = fathom_step(replay->playback.scan, &frame, &result);
     if (stepped == FATHOM_ERROR_TIME || stepped == FATHOM_ERROR_SIZE) {
         cli_warning("frame %d ignored: %s", index, log_reason(&replay->log, stepped));
@@ -147,7 +151,7 @@ static int take_frames(struct replay *replay) {
 /* ---- after the last frame ------------------------------------------------------------------------------ */
 
 static void say_counters(const struct replay *replay) {
-    fathom_counters c;
+    fathom_counters c = FATHOM_STRUCT(fathom_counters);
     if (fathom_get_counters(replay->playback.scan, &c)) return;
     if (c.imu_overrun)
         cli_warning("%" PRId64 " IMU samples found no room in the ring and were dropped", c.imu_overrun);
@@ -165,7 +169,7 @@ static void say_counters(const struct replay *replay) {
 static void say_rig(const struct replay *replay) {
     const double degrees = 57.29577951308232;
     double rotation[9], v[3];
-    fathom_rig rig;
+    fathom_rig rig = FATHOM_STRUCT(fathom_rig);
     if (!replay->options.settings.config.refine_rig || fathom_get_rig(replay->playback.scan, &rig)) return;
     for (int i = 0; i < 9; i++) rotation[i] = rig.imu_to_camera_rotation[i];
     vector_of_rotation(rotation, v);

@@ -1,6 +1,7 @@
 #include "fathom/shell/options.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/help.h"
+#include "fathom/shell/near_name.h"
 #include "fathom/shell/option_values.h"
 
 #include <getopt.h>
@@ -22,42 +23,12 @@ int options_list(const struct command *command, void *into, const struct option_
 
 /* ---- options that aren't there ---- */
 
-static int least(int a, int b, int c) {
-    const int ab = a < b ? a : b;
-    return ab < c ? ab : c;
-}
-
-/* Letters to insert, leave out, change or swap with their neighbours (optimal string alignment). */
-static int distance(const char *a, const char *b) {
-    enum { ROOM = 48 };
-    int rows[3][ROOM + 1];
-    int *before = rows[0], *last = rows[1], *now = rows[2];
-    const int length_a = (int)strlen(a), length_b = (int)strlen(b);
-    if (length_a > ROOM || length_b > ROOM) return ROOM;
-    for (int j = 0; j <= length_b; j++) before[j] = last[j] = j;
-    for (int i = 1; i <= length_a; i++) {
-        now[0] = i;
-        for (int j = 1; j <= length_b; j++) {
-            now[j] = least(last[j] + 1, now[j - 1] + 1, last[j - 1] + (a[i - 1] != b[j - 1]));
-            if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] && before[j - 2] + 1 < now[j])
-                now[j] = before[j - 2] + 1;
-        }
-        int *const oldest = before;
-        before = last;
-        last = now;
-        now = oldest;
-    }
-    return last[length_b];
-}
-
 /* The option that was likely meant, or NULL. */
 static const char *nearest(const char *name, const struct option_row *const *rows, int count) {
     const char *best = NULL;
-    int fewest = 1 + (int)(strlen(name) - 2) / 5;
+    int fewest = near_name_limit(name);
     for (int i = 0; i < count; i++) {
-        /* The beginning of a name is as good as one wrong letter. */
-        const bool begins = strlen(name) > 4 && !strncmp(rows[i]->name, name, strlen(name));
-        const int away = begins ? 1 : distance(name, rows[i]->name);
+        const int away = near_name_distance(name, rows[i]->name);
         if (away > fewest || (best && away == fewest)) continue;
         fewest = away;
         best = rows[i]->name;

@@ -1,13 +1,15 @@
 #include "fathom/shell/settings.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/option_values.h"
+#include "fathom/shell/set_option.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 void settings_start(struct settings *settings) {
-    *settings = (struct settings){.config = fathom_config_default()};
+    *settings = (struct settings){0};
+    fathom_config_init(&settings->config);
 }
 
 /* ---- values that are more than a number or a word ---- */
@@ -29,10 +31,10 @@ static int stay(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motio
     const double turn = 1.0, speed = 0.5; /* rad/s, m/s */
     const double dt = 1e-9 * ((double)to_ns - (double)from_ns);
     (void)user;
-    *motion = (fathom_motion){.motion = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}};
+    motion->motion = (fathom_pose){.orientation = {0, 0, 0, 1}};
     for (int i = 0; i < 3; i++) {
-        motion->covariance[7 * i] = (float)(turn * turn * dt * dt);
-        motion->covariance[7 * (i + 3)] = (float)(speed * speed * dt * dt);
+        motion->covariance[7 * i] = turn * turn * dt * dt;
+        motion->covariance[7 * (i + 3)] = speed * speed * dt * dt;
     }
     return FATHOM_OK;
 }
@@ -68,7 +70,8 @@ static bool set_preset(void *into, const char *option, const char *text) {
     struct settings *settings = into;
     int choice;
     if (!parse_choice(option, text, "tiny|small|large", &choice)) return false;
-    const fathom_config c = fathom_config_preset((fathom_preset)choice);
+    fathom_config c;
+    fathom_config_preset(&c, choice);
     settings->config.max_align_width = c.max_align_width;
     if (settings->memory == 0) settings->config.max_memory_bytes = c.max_memory_bytes;
     if (settings->voxel == 0) settings->config.voxel_m = c.voxel_m;
@@ -87,10 +90,11 @@ static bool set_intrinsics(void *into, const char *option, const char *text) {
     struct settings *settings = into;
     const double *k = settings->intrinsics;
     if (!parse_numbers(option, text, 4, 1e-3, 1e5, settings->intrinsics)) return false;
-    settings->config.fx = (float)k[0];
-    settings->config.fy = (float)k[1];
-    settings->config.cx = (float)k[2];
-    settings->config.cy = (float)k[3];
+    fathom_pinhole *camera = &settings->config.depth_camera;
+    camera->fx = k[0];
+    camera->fy = k[1];
+    camera->cx = k[2];
+    camera->cy = k[3];
     return true;
 }
 
@@ -115,6 +119,22 @@ static bool set_size(void *into, const char *option, const char *text) {
     settings->config.align_width = size.width;
     settings->config.align_height = size.height;
     return true;
+}
+
+static bool set_any(void *into, const char *option, const char *text) {
+    struct settings *settings = into;
+    if (settings->set_count == MAX_SET) {
+        cli_error(CLI_USAGE, "%s: given more than %d times", option, MAX_SET);
+        return false;
+    }
+    if (!set_option_apply(option, text, &settings->config)) return false;
+    if (set_option_names(text, "voxel_m")) settings->voxel = (double)settings->config.voxel_m;
+    settings->set[settings->set_count++] = text;
+    return true;
+}
+
+void settings_apply_set(const struct settings *settings, fathom_config *config) {
+    for (int i = 0; i < settings->set_count; i++) set_option_apply("--set", settings->set[i], config);
 }
 
 /* ---- the tables ---- */
@@ -172,3 +192,8 @@ const struct option_row settings_device[] = {
      .help = "built kernels, as fathom kernels wrote them, instead of a compiler"},
     {0}};
 
+const struct option_row settings_any[] = {
+    {"--set", "NAME=VALUE", OPTION_PARSED, .parse = set_any,
+     .help = "any setting of the library, several times if need be; fathom info --settings lists them: name, unit, range, "
+             "default, meaning. It wins over options, rig.txt and calibration.txt"},
+    {0}};

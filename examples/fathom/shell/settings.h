@@ -5,6 +5,8 @@
 #include "fathom.h"
 #include "fathom/shell/options.h"
 
+#define MAX_SET 128
+
 struct settings {
     fathom_config config;
     double depth_scale;   /* 0: not given */
@@ -12,17 +14,22 @@ struct settings {
     double voxel;         /* 0: not given */
     double memory;        /* MB; 0: not given */
     bool preset;          /* given */
+    int set_count;        /* of --set */
+    const char *set[MAX_SET]; /* NAME=VALUE, in the order given */
 };
 
 void settings_start(struct settings *settings);
 
+/* Sets in *config what --set gave, once more: over what a recording or a rig has said since. */
+void settings_apply_set(const struct settings *settings, fathom_config *config);
+
 /* Their tables, for structs settings. */
-extern const struct option_row settings_camera[], settings_alignment[], settings_surface[], settings_device[];
+extern const struct option_row settings_camera[], settings_alignment[], settings_surface[], settings_device[],
+    settings_any[];
 
 /* The groups of them in a command whose struct has its settings at `at`. */
 #define SETTINGS_GROUPS(at)                                                                                            \
-    {"Depth camera", settings_camera, at}, {"Alignment", settings_alignment, at}, {"Surface", settings_surface, at}, { \
-        "OpenCL device", settings_device, at                                                                           \
-    }
+    {"Depth camera", settings_camera, at}, {"Alignment", settings_alignment, at}, {"Surface", settings_surface, at},   \
+        {"OpenCL device", settings_device, at}, {"Any setting", settings_any, at}
 
 #endif

@@ -40,12 +40,12 @@ static fathom_config logged(void) {
 static int start_and_say(void) {
     fathom_config c = logged();
     c.cache_folder = "";
-    int64_t bytes = fathom_memory_required(&c);
+    int64_t bytes = fathom_memory_required(&c, NULL, 0);
     fathom *scan = (fathom *)&kept;
     int e = (int)bytes;
     if (bytes > 0) {
         void *block = malloc((size_t)bytes);
-        e = fathom_init(&scan, &c, block, (size_t)bytes);
+        e = fathom_init(&scan, &c, block, (size_t)bytes, NULL, 0);
         if (e == FATHOM_OK) {
             fathom_close(scan);
         } else if (scan) {
@@ -127,11 +127,11 @@ static int files_in(const char *folder) {
 }
 
 /* Starts with a cache folder, steps, and gives the last pose. */
-static void run_with_cache(const char *folder, float end[16]) {
+static void run_with_cache(const char *folder, fathom_pose *end) {
     fathom_config c = logged();
     c.cache_folder = folder;
     synthetic_context s = synthetic_start(&c);
-    for (int i = 0; i < FRAMES; i++) memcpy(end, synthetic_step(s.scan, &frames[i]).pose, sizeof(float[16]));
+    for (int i = 0; i < FRAMES; i++) *end = synthetic_step(s.scan, &frames[i]).pose;
     synthetic_stop(&s);
     assert_int_equal(kept.errors, 0);
 }
@@ -139,19 +139,19 @@ static void run_with_cache(const char *folder, float end[16]) {
 static void the_second_start_takes_its_kernels_from_the_cache(void **state) {
     (void)state;
     static char folder[4200], text[65536], variable[4300];
-    float first[16], second[16];
+    fathom_pose first, second;
     snprintf(folder, sizeof folder, "%s", synthetic_folder("cache_fresh"));
     each_file(folder, NULL, 0, -1);
-    run_with_cache(folder, first);
+    run_with_cache(folder, &first);
     assert_int_equal(files_in(folder), 1); /* and nothing half-written beside it */
-    run_with_cache(folder, second);
+    run_with_cache(folder, &second);
     assert_int_equal(files_in(folder), 1);
-    assert_memory_equal(first, second, sizeof first);
+    assert_memory_equal(&first, &second, sizeof first);
     /* a build that can't succeed does no harm: nothing is built any more */
     assert_int_equal(setenv("FATHOM_KERNEL_OPTIONS", "-cl-no-such-option", 1), 0);
-    run_with_cache(folder, second);
+    run_with_cache(folder, &second);
     unsetenv("FATHOM_KERNEL_OPTIONS");
-    assert_memory_equal(first, second, sizeof first);
+    assert_memory_equal(&first, &second, sizeof first);
     /* NULL: in the user's cache */
     snprintf(variable, sizeof variable, "XDG_CACHE_HOME=%s", synthetic_folder("cache_home"));
     each_file(synthetic_folder("cache_home/fathom"), NULL, 0, -1);
@@ -166,8 +166,8 @@ static void a_cache_that_is_broken_is_built_anew(void **state) {
     static const char rubbish[5000] = "this is no program";
     snprintf(folder, sizeof folder, "%s", synthetic_folder("cache_broken"));
     each_file(folder, NULL, 0, -1);
-    float first[16], again[16];
-    run_with_cache(folder, first);
+    fathom_pose first, again;
+    run_with_cache(folder, &first);
     for (int kind = 0; kind < 5; kind++) {
         int files = kind == 0   ? each_file(folder, rubbish, sizeof rubbish, -1)
                     : kind == 1 ? each_file(folder, rubbish, 3, -1)
@@ -179,8 +179,8 @@ static void a_cache_that_is_broken_is_built_anew(void **state) {
         int status = synthetic_child("broken-cache", NULL, text, sizeof text);
         if (status != 0) print_error("kind %d, status %d: %s\n", kind, status, text);
         assert_int_equal(status, 0);
-        run_with_cache(folder, again); /* it has been written again, whole */
-        assert_memory_equal(first, again, sizeof first);
+        run_with_cache(folder, &again); /* it has been written again, whole */
+        assert_memory_equal(&first, &again, sizeof first);
         assert_null(strstr(kept.text, "building anew"));
     }
 }
@@ -188,19 +188,19 @@ static void a_cache_that_is_broken_is_built_anew(void **state) {
 static void a_cache_that_cannot_be_written_is_done_without(void **state) {
     (void)state;
     static char folder[4300];
-    float end[16];
-    run_with_cache("/proc/fathom-cache", end); /* can't be made */
+    fathom_pose end;
+    run_with_cache("/proc/fathom-cache", &end); /* can't be made */
     assert_true(kept.warnings <= 1);
     assert_non_null(strstr(kept.text, "/proc/fathom-cache"));
     snprintf(folder, sizeof folder, "%s/file", synthetic_folder("cache_file"));
     FILE *f = fopen(folder, "w"); /* not a folder */
     assert_non_null(f);
     fclose(f);
-    run_with_cache(folder, end);
+    run_with_cache(folder, &end);
     unlink(folder);
     memset(folder, 'x', sizeof folder - 1); /* a name that is too long */
     folder[0] = '/';
-    run_with_cache(folder, end);
+    run_with_cache(folder, &end);
 }
 
 /* ---- contexts ----------------------------------------------------------------------------------------------------- */
@@ -210,7 +210,7 @@ static void contexts_side_by_side_are_as_one_after_another(void **state) {
     fathom_config near = logged(), far = near;
     far.voxel_m = 0.03f; /* another scan: other settings, frames the other way round */
     far.max_blocks = 3000;
-    memcpy(far.first_pose, frames[FRAMES - 1].pose, sizeof far.first_pose);
+    far.first_pose = frames[FRAMES - 1].pose;
     fathom_result alone[2][FRAMES];
     synthetic_frame back[FRAMES];
     for (int i = 0; i < FRAMES; i++) {
@@ -229,9 +229,9 @@ static void contexts_side_by_side_are_as_one_after_another(void **state) {
         fathom_result one = synthetic_step(a.scan, &frames[i]), two = synthetic_step(b.scan, &back[i]);
         assert_int_equal(one.state, i == 0 ? FATHOM_FIRST : FATHOM_TRACKED);
         assert_int_equal(two.state, i == 0 ? FATHOM_FIRST : FATHOM_TRACKED);
-        assert_memory_equal(one.pose, alone[0][i].pose, sizeof one.pose);
-        assert_memory_equal(two.pose, alone[1][i].pose, sizeof two.pose);
-        assert_memory_equal(one.covariance, alone[0][i].covariance, sizeof one.covariance);
+        assert_memory_equal(&one.pose, &alone[0][i].pose, sizeof one.pose);
+        assert_memory_equal(&two.pose, &alone[1][i].pose, sizeof two.pose);
+        assert_memory_equal(one.pose_covariance, alone[0][i].pose_covariance, sizeof one.pose_covariance);
         assert_int_equal(two.blocks, alone[1][i].blocks);
         if (i == 2) assert_int_equal(fathom_pause(b.scan, false), FATHOM_OK);
     }
@@ -243,18 +243,18 @@ static void contexts_side_by_side_are_as_one_after_another(void **state) {
 
 typedef struct {
     fathom *scan;
-    float end[16];
+    fathom_pose end;
     int failed;
 } stepper;
 
 static void *step_all(void *argument) {
     stepper *s = argument;
     for (int i = 0; i < FRAMES; i++) {
-        fathom_depth_frame frame = {frames[i].timestamp_ns, frames[i].depth, SYNTHETIC_WIDTH,
-                                    SYNTHETIC_HEIGHT};
-        fathom_result r;
+        fathom_depth_frame frame =
+            synthetic_depth(frames[i].timestamp_ns, frames[i].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         s->failed |= fathom_step(s->scan, &frame, &r) != FATHOM_OK;
-        memcpy(s->end, r.pose, sizeof s->end);
+        s->end = r.pose;
     }
     return NULL;
 }
@@ -270,7 +270,7 @@ static void contexts_step_on_threads_of_their_own(void **state) {
     pthread_join(first, NULL);
     pthread_join(second, NULL);
     assert_int_equal(one.failed + two.failed, 0);
-    assert_memory_equal(one.end, two.end, sizeof one.end);
+    assert_memory_equal(&one.end, &two.end, sizeof one.end);
     assert_true(synthetic_distance(one.end, frames[FRAMES - 1].pose) < 0.005);
     synthetic_stop(&a);
     synthetic_stop(&b);
@@ -279,10 +279,10 @@ static void contexts_step_on_threads_of_their_own(void **state) {
 static int start_with(const char *cache, const char *wanted) {
     fathom_config c = logged();
     c.cache_folder = cache ? synthetic_folder(cache) : NULL;
-    int64_t bytes = fathom_memory_required(&c);
+    int64_t bytes = fathom_memory_required(&c, NULL, 0);
     void *block = malloc((size_t)bytes);
     fathom *scan = NULL;
-    int e = bytes > 0 ? fathom_init(&scan, &c, block, (size_t)bytes) : (int)bytes;
+    int e = bytes > 0 ? fathom_init(&scan, &c, block, (size_t)bytes, NULL, 0) : (int)bytes;
     printf("%s\n%s", fathom_error_name(e), kept.text);
     bool said = !wanted || strstr(kept.text, wanted);
     if (e == FATHOM_OK) fathom_close(scan);

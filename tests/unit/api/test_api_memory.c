@@ -54,18 +54,19 @@ static void names_are_given_for_any_value(void **state) {
 
 static void default_settings_need_at_most_128_mb(void **state) {
     (void)state;
-    fathom_config c = fathom_config_default();
-    fathom_memory_plan plan;
+    fathom_config c;
+    fathom_config_init(&c);
+    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
     assert_int_equal(c.struct_size, sizeof c);
-    assert_int_equal(fathom_memory_plan_for(&c, &plan), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &plan, NULL, 0), FATHOM_OK);
     assert_true(plan.host_bytes + plan.device_bytes <= (int64_t)128 << 20);
     assert_true(plan.host_bytes + plan.device_bytes > (int64_t)120 << 20); /* and it uses what it may */
     assert_int_equal(plan.align_width, 320);
     assert_int_equal(plan.align_height, 240);
     assert_true(plan.blocks > 40000);
     assert_true(strlen(plan.device) > 0);
-    assert_true(fathom_memory_required(&c) == plan.host_bytes);
-    assert_true(fathom_memory_required(&c) == plan.host_bytes); /* asking changes nothing */
+    assert_true(fathom_memory_required(&c, NULL, 0) == plan.host_bytes);
+    assert_true(fathom_memory_required(&c, NULL, 0) == plan.host_bytes); /* asking changes nothing */
 }
 
 static void presets_keep_to_their_memory(void **state) {
@@ -79,9 +80,10 @@ static void presets_keep_to_their_memory(void **state) {
                   {FATHOM_PRESET_SMALL, 320, 0.01f, 128},
                   {FATHOM_PRESET_LARGE, 640, 0.008f, 256}};
     for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++) {
-        fathom_config c = fathom_config_preset(wanted[i].preset);
-        fathom_memory_plan plan;
-        assert_int_equal(fathom_memory_plan_for(&c, &plan), FATHOM_OK);
+        fathom_config c;
+        assert_int_equal(fathom_config_preset(&c, wanted[i].preset), FATHOM_OK);
+        fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
+        assert_int_equal(fathom_plan_memory(&c, &plan, NULL, 0), FATHOM_OK);
         assert_int_equal(plan.align_width, wanted[i].width);
         assert_true(c.voxel_m == wanted[i].voxel_m);
         assert_true(plan.host_bytes + plan.device_bytes <= wanted[i].megabytes << 20);
@@ -92,36 +94,36 @@ static void presets_keep_to_their_memory(void **state) {
 static void memory_follows_the_settings(void **state) {
     (void)state;
     fathom_config c = logged();
-    fathom_memory_plan few, many;
+    fathom_memory_plan few = FATHOM_STRUCT(fathom_memory_plan), many = few;
     c.max_blocks = 64;
-    assert_int_equal(fathom_memory_plan_for(&c, &few), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &few, NULL, 0), FATHOM_OK);
     c.max_blocks = 2112;
-    assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &many, NULL, 0), FATHOM_OK);
     int64_t more = many.host_bytes + many.device_bytes - few.host_bytes - few.device_bytes;
     assert_true(more >= 2048 * 2048 && more < 2048 * 2200);
     c.max_blocks = 0; /* what the cap leaves */
     c.max_memory_bytes = 20 << 20;
-    assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &many, NULL, 0), FATHOM_OK);
     assert_true(many.host_bytes + many.device_bytes <= c.max_memory_bytes && many.blocks > 2000);
     c.max_memory_bytes = (int64_t)1 << 46; /* more than a pool can have */
-    assert_int_equal(fathom_memory_plan_for(&c, &many), FATHOM_OK);
+    assert_int_equal(fathom_plan_memory(&c, &many, NULL, 0), FATHOM_OK);
     assert_int_equal(many.blocks, 16777216);
     assert_int_equal(kept.errors, 0);
 
     c.max_memory_bytes = 1 << 20; /* not even the maps */
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_MEMORY);
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_MEMORY);
     assert_int_equal(kept.errors, 1);
     assert_non_null(strstr(kept.text, "max_memory_bytes"));
     c.max_memory_bytes = 20 << 20; /* more blocks than the cap holds */
     c.max_blocks = 20000;
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_MEMORY);
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_MEMORY);
     assert_int_equal(kept.errors, 2);
 }
 
 static void a_block_one_byte_short_is_refused_untouched(void **state) {
     (void)state;
     fathom_config c = logged();
-    int64_t bytes = fathom_memory_required(&c);
+    int64_t bytes = fathom_memory_required(&c, NULL, 0);
     assert_true(bytes > 0);
     size_t size = (size_t)bytes;
     unsigned char *block = malloc(size), *pattern = malloc(size);
@@ -132,7 +134,7 @@ static void a_block_one_byte_short_is_refused_untouched(void **state) {
     for (int i = 0; i < 5; i++) {
         fathom *scan = (fathom *)&kept;
         kept.errors = 0;
-        assert_int_equal(fathom_init(&scan, &c, block, sizes[i]), FATHOM_ERROR_MEMORY);
+        assert_int_equal(fathom_init(&scan, &c, block, sizes[i], NULL, 0), FATHOM_ERROR_MEMORY);
         assert_null(scan);
         assert_memory_equal(block, pattern, size);
         assert_int_equal(kept.errors, 1);
@@ -147,23 +149,23 @@ static void a_block_one_byte_short_is_refused_untouched(void **state) {
 static void an_unaligned_block_will_do_and_its_neighbours_are_safe(void **state) {
     (void)state;
     fathom_config c = synthetic_config(&frames[0]);
-    size_t size = (size_t)fathom_memory_required(&c);
+    size_t size = (size_t)fathom_memory_required(&c, NULL, 0);
     unsigned char *memory = malloc(size + 1024), *aligned;
     assert_non_null(memory);
     aligned = memory + 128 - (uintptr_t)memory % 128;
     const size_t offsets[] = {0, 1, 8, 64, 127};
-    float reference[16];
+    fathom_pose reference = {0};
     for (int i = 0; i < 5; i++) {
         unsigned char *block = aligned + offsets[i];
         memset(memory, 0xa5, size + 1024);
         fathom *scan;
-        assert_int_equal(fathom_init(&scan, &c, block, size), FATHOM_OK);
+        assert_int_equal(fathom_init(&scan, &c, block, size, NULL, 0), FATHOM_OK);
         assert_true((uintptr_t)scan % FATHOM_ALIGNMENT == 0);
-        fathom_result r = {0};
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         for (int k = 0; k < FRAMES; k++) r = synthetic_step(scan, &frames[k]);
         assert_int_equal(r.state, FATHOM_TRACKED);
-        if (i == 0) memcpy(reference, r.pose, sizeof reference);
-        assert_memory_equal(r.pose, reference, sizeof reference); /* wherever it lies */
+        if (i == 0) reference = r.pose;
+        assert_memory_equal(&r.pose, &reference, sizeof reference); /* wherever it lies */
         synthetic_mesh mesh = {0};
         assert_true(fathom_extract_mesh(scan, 0, synthetic_triangles, &mesh) > 0);
         free(mesh.vertices);
@@ -177,30 +179,30 @@ static void an_unaligned_block_will_do_and_its_neighbours_are_safe(void **state)
 static void null_arguments_are_refused(void **state) {
     (void)state;
     fathom_config c = synthetic_config(&frames[0]);
-    fathom_memory_plan plan;
+    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
     char small[64];
     fathom *scan = (fathom *)small;
-    assert_int_equal(fathom_memory_required(NULL), FATHOM_ERROR_ARGUMENT);
-    assert_int_equal(fathom_memory_plan_for(NULL, &plan), FATHOM_ERROR_ARGUMENT);
-    assert_int_equal(fathom_memory_plan_for(&c, NULL), FATHOM_ERROR_ARGUMENT);
-    assert_int_equal(fathom_init(NULL, &c, small, sizeof small), FATHOM_ERROR_ARGUMENT);
-    assert_int_equal(fathom_init(&scan, NULL, small, sizeof small), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_memory_required(NULL, NULL, 0), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_plan_memory(NULL, &plan, NULL, 0), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_plan_memory(&c, NULL, NULL, 0), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_init(NULL, &c, small, sizeof small, NULL, 0), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_init(&scan, NULL, small, sizeof small, NULL, 0), FATHOM_ERROR_ARGUMENT);
     assert_null(scan);
     scan = (fathom *)small;
-    assert_int_equal(fathom_init(&scan, &c, NULL, 1 << 30), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_init(&scan, &c, NULL, 1 << 30, NULL, 0), FATHOM_ERROR_ARGUMENT);
     assert_null(scan);
     fathom_close(NULL);
 
     synthetic_context s = synthetic_start(&c);
-    fathom_depth_frame frame = {frames[0].timestamp_ns, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-    fathom_depth_frame hollow = {frames[0].timestamp_ns, NULL, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+    fathom_depth_frame frame = synthetic_depth(frames[0].timestamp_ns, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
+    fathom_depth_frame hollow = synthetic_depth(frames[0].timestamp_ns, NULL, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
     fathom_imu_sample sample = {0};
-    fathom_result result;
-    fathom_motion motion;
-    fathom_counters counters;
-    fathom_view view = {16, 16, 10, 10, 8, 8, {0}, 0, 0};
-    uint8_t rgb[768];
-    float pose[16];
+    fathom_result result = FATHOM_STRUCT(fathom_result);
+    fathom_motion motion = FATHOM_STRUCT(fathom_motion);
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
+    fathom_view view = FATHOM_STRUCT(fathom_view);
+    fathom_pose pose;
+    float depth[16];
     const int refused = FATHOM_ERROR_ARGUMENT;
     assert_int_equal(fathom_reset(NULL), refused);
     assert_int_equal(fathom_pause(NULL, true), refused);
@@ -213,16 +215,13 @@ static void null_arguments_are_refused(void **state) {
     assert_int_equal(fathom_inertial_estimate(NULL, 0, 1, &motion), refused);
     assert_int_equal(fathom_inertial_estimate(s.scan, 0, 1, NULL), refused);
     assert_int_equal(fathom_inertial_estimate(s.scan, 0, 1, &motion), FATHOM_ERROR_NO_DATA);
-    assert_int_equal(fathom_pose(NULL, pose, NULL), refused);
-    assert_int_equal(fathom_pose(s.scan, NULL, NULL), refused);
-    assert_int_equal(fathom_pose(s.scan, pose, NULL), FATHOM_OK);
+    assert_int_equal(fathom_get_pose(NULL, &pose, NULL), refused);
+    assert_int_equal(fathom_get_pose(s.scan, NULL, NULL), refused);
+    assert_int_equal(fathom_get_pose(s.scan, &pose, NULL), FATHOM_OK);
     assert_int_equal(fathom_get_counters(NULL, &counters), refused);
     assert_int_equal(fathom_get_counters(s.scan, NULL), refused);
-    assert_int_equal(fathom_model_maps(NULL, &view, pose, NULL), refused);
-    assert_int_equal(fathom_model_maps(s.scan, NULL, pose, NULL), refused);
-    assert_int_equal(fathom_shaded_view(NULL, &view, rgb), refused);
-    assert_int_equal(fathom_shaded_view(s.scan, NULL, rgb), refused);
-    assert_int_equal(fathom_shaded_view(s.scan, &view, NULL), refused);
+    assert_int_equal(fathom_cast_view(NULL, &view, depth, NULL), refused);
+    assert_int_equal(fathom_cast_view(s.scan, NULL, depth, NULL), refused);
     assert_int_equal(fathom_extract_mesh(NULL, 0, synthetic_triangles, NULL), refused);
     assert_int_equal(fathom_extract_mesh(s.scan, 0, NULL, NULL), refused);
     assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
@@ -236,26 +235,29 @@ static void null_arguments_are_refused(void **state) {
 typedef struct {
     const char *name; /* as the log must have it */
     size_t at;
-    char type; /* i: int, f: float, l: int64 */
+    char type; /* i: int, f: float, d: double, l: int64 */
     double low, high;
 } bad_setting;
 #define INT(field, low, high)                                                                                \
     { #field, offsetof(fathom_config, field), 'i', low, high }
 #define FLOAT(field, low, high)                                                                              \
     { #field, offsetof(fathom_config, field), 'f', low, high }
+#define DOUBLE(field, low, high)                                                                             \
+    { #field, offsetof(fathom_config, field), 'd', low, high }
 
 static const bad_setting bad_settings[] = {
-    INT(depth_width, 15, 4097),
-    INT(depth_height, 0, 1 << 30),
-    FLOAT(fx, 0, INFINITY),
-    FLOAT(fy, -525, INFINITY),
-    FLOAT(cx, -INFINITY, INFINITY),
-    FLOAT(cy, -INFINITY, INFINITY),
-    FLOAT(distortion[0], -1e6, 1e6),
-    FLOAT(distortion[1], -1e6, 1e6),
-    FLOAT(distortion[2], -1e6, 1e6),
-    FLOAT(distortion[3], -1e6, 1e6),
-    FLOAT(distortion[4], -1e6, 1e6),
+    INT(min_confidence, -1, 256),
+    INT(depth_camera.width, 15, 4097),
+    INT(depth_camera.height, 0, 1 << 30),
+    DOUBLE(depth_camera.fx, 0, INFINITY),
+    DOUBLE(depth_camera.fy, -525, INFINITY),
+    DOUBLE(depth_camera.cx, -INFINITY, INFINITY),
+    DOUBLE(depth_camera.cy, -INFINITY, INFINITY),
+    INT(depth_camera.lens, -1, 3),
+    DOUBLE(depth_camera.coefficients[0], -1e6, 1e6),
+    DOUBLE(depth_camera.coefficients[1], -1e6, 1e6),
+    DOUBLE(depth_camera.coefficients[4], -1e6, 1e6),
+    DOUBLE(depth_camera.coefficients[7], -1e6, 1e6),
     FLOAT(depth_units_per_metre, 0, INFINITY),
     FLOAT(min_depth_m, -1, 1e9),
     FLOAT(max_depth_m, 0.1, INFINITY),
@@ -316,13 +318,13 @@ static void assert_refused(const fathom_config *c, const char *name) {
     fathom *scan = (fathom *)memory;
     kept.errors = 0;
     kept.used = 0;
-    int64_t required = fathom_memory_required(c);
+    int64_t required = fathom_memory_required(c, NULL, 0);
     if (required != FATHOM_ERROR_CONFIG || kept.errors != 1 || !strstr(kept.text, name))
         print_error("%s: %lld, log: %s\n", name, (long long)required, kept.text);
     assert_int_equal(required, FATHOM_ERROR_CONFIG);
     assert_int_equal(kept.errors, 1);
     assert_non_null(strstr(kept.text, name));
-    assert_int_equal(fathom_init(&scan, c, memory, sizeof memory), FATHOM_ERROR_CONFIG);
+    assert_int_equal(fathom_init(&scan, c, memory, sizeof memory, NULL, 0), FATHOM_ERROR_CONFIG);
     assert_null(scan);
 }
 
@@ -331,7 +333,7 @@ static void each_bad_setting_is_refused_by_name(void **state) {
     for (size_t i = 0; i < sizeof bad_settings / sizeof *bad_settings; i++) {
         const bad_setting *b = &bad_settings[i];
         const double values[] = {b->low, b->high, NAN};
-        for (int k = 0; k < (b->type == 'f' ? 3 : 2); k++) {
+        for (int k = 0; k < (b->type == 'f' || b->type == 'd' ? 3 : 2); k++) {
             fathom_config c = logged();
             char *at = (char *)&c + b->at;
             int whole = b->type == 'i' ? (int)values[k] : 0;
@@ -340,6 +342,7 @@ static void each_bad_setting_is_refused_by_name(void **state) {
             if (b->type == 'i') memcpy(at, &whole, sizeof whole);
             if (b->type == 'l') memcpy(at, &wide, sizeof wide);
             if (b->type == 'f') memcpy(at, &real, sizeof real);
+            if (b->type == 'd') memcpy(at, &values[k], sizeof values[k]);
             assert_refused(&c, b->name);
         }
     }
@@ -348,22 +351,16 @@ static void each_bad_setting_is_refused_by_name(void **state) {
 static void settings_that_disagree_are_refused(void **state) {
     (void)state;
     fathom_config c = logged();
-    c.struct_size = 12;
-    assert_refused(&c, "struct_size");
-    c = logged();
-    c.struct_size = 0; /* not from fathom_config_default() */
-    assert_refused(&c, "fathom_config_default");
-    c = logged();
     memset(c.max_iterations, 0, sizeof c.max_iterations);
     assert_refused(&c, "iterations");
     c = logged();
     memset(c.max_seeded_iterations, 0, sizeof c.max_seeded_iterations);
     assert_refused(&c, "max_seeded_iterations");
     c = logged();
-    c.first_pose[0] = 2;
+    c.first_pose.orientation[0] = 2;
     assert_refused(&c, "first_pose");
     c = logged();
-    c.first_pose[3] = NAN;
+    c.first_pose.position[0] = NAN;
     assert_refused(&c, "first_pose");
     c = logged();
     memset(c.imu_to_camera_rotation, 0, sizeof c.imu_to_camera_rotation);
@@ -383,26 +380,26 @@ static void settings_that_disagree_are_refused(void **state) {
     c.align_width = 80; /* with its height left out */
     assert_refused(&c, "alignment size");
     c = logged();
-    c.depth_width = 4093; /* a prime */
-    c.depth_height = 3067;
+    c.depth_camera.width = 4093; /* a prime */
+    c.depth_camera.height = 3067;
     assert_refused(&c, "align_width");
     c = logged();
     c.align_width = 80;
     c.align_height = 60;
-    assert_true(fathom_memory_required(&c) > 0);
+    assert_true(fathom_memory_required(&c, NULL, 0) > 0);
 }
 
 static void without_a_log_the_library_is_silent(void **state) {
     (void)state;
     fathom_config c = synthetic_config(&frames[0]);
-    c.fx = -1;
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_CONFIG);
-    c.fx = 100;
+    c.depth_camera.fx = -1;
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_CONFIG);
+    c.depth_camera.fx = 100;
     c.device = "no such device";
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_DEVICE);
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_DEVICE);
     c = logged();
     c.device = "no such device";
-    assert_int_equal(fathom_memory_required(&c), FATHOM_ERROR_DEVICE);
+    assert_int_equal(fathom_memory_required(&c, NULL, 0), FATHOM_ERROR_DEVICE);
     assert_int_equal(kept.errors, 1);
     assert_non_null(strstr(kept.text, "no such device"));
 }
@@ -411,25 +408,25 @@ static void without_a_log_the_library_is_silent(void **state) {
 static void a_block_serves_again_and_again(void **state) {
     (void)state;
     fathom_config c = logged();
-    float poses[4][16];
-    size_t size = (size_t)fathom_memory_required(&c);
+    fathom_pose poses[4];
+    size_t size = (size_t)fathom_memory_required(&c, NULL, 0);
     void *block = malloc(size);
     assert_non_null(block);
     for (int round = 0; round < 4; round++) {
         fathom *scan;
         c.buffers = round == 3 ? FATHOM_BUFFERS_DEVICE : FATHOM_BUFFERS_HOST;
         if (round == 3) {
-            fathom_memory_plan plan;
-            assert_int_equal(fathom_memory_plan_for(&c, &plan), FATHOM_OK);
+            fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
+            assert_int_equal(fathom_plan_memory(&c, &plan, NULL, 0), FATHOM_OK);
             assert_true(plan.device_bytes > 4 << 20 && (size_t)plan.host_bytes < size / 4);
         }
-        assert_int_equal(fathom_init(&scan, &c, block, size), FATHOM_OK);
+        assert_int_equal(fathom_init(&scan, &c, block, size, NULL, 0), FATHOM_OK);
         for (int k = 0; k < FRAMES; k++)
-            memcpy(poses[round], synthetic_step(scan, &frames[k]).pose, sizeof *poses);
+            poses[round] = synthetic_step(scan, &frames[k]).pose;
         fathom_close(scan);
         memset(block, round * 85, size);
     }
-    for (int round = 1; round < 4; round++) assert_memory_equal(poses[round], poses[0], sizeof *poses);
+    for (int round = 1; round < 4; round++) assert_memory_equal(&poses[round], &poses[0], sizeof *poses);
     assert_int_equal(kept.errors, 0);
     free(block);
 }

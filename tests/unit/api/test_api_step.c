@@ -51,7 +51,7 @@ static void assert_near_truth(const fathom_result *r, const synthetic_frame *f, 
 }
 
 /* The same but for rounding. */
-static void assert_same_pose(const float a[16], const float b[16]) {
+static void assert_same_pose(fathom_pose a, fathom_pose b) {
     assert_true(synthetic_distance(a, b) < 1e-6 && synthetic_angle(a, b) < 1e-6);
 }
 
@@ -60,8 +60,9 @@ static void poses_follow_the_truth_from_the_first_pose_on(void **state) {
     for (int imu = 0; imu < 2; imu++) {
         fathom_config c = logged();
         synthetic_context s = synthetic_start(&c);
-        float at[16], covariance[36];
-        assert_int_equal(fathom_pose(s.scan, at, covariance), FATHOM_OK);
+        fathom_pose at;
+        double covariance[36];
+        assert_int_equal(fathom_get_pose(s.scan, &at, covariance), FATHOM_OK);
         assert_same_pose(at, frames[0].pose); /* before any frame */
         int next = 0;
         for (int i = 0; i < FRAMES; i++) {
@@ -76,14 +77,14 @@ static void poses_follow_the_truth_from_the_first_pose_on(void **state) {
                 assert_true(r.rms_m < 0.005 && r.condition >= 1 && r.condition < 50);
                 assert_true(fabs(r.condition / (r.singular_values[0] / r.singular_values[5]) - 1) < 1e-4);
                 for (int k = 1; k < 6; k++) assert_true(r.singular_values[k] <= r.singular_values[k - 1]);
-                for (int k = 0; k < 6; k++) assert_true(r.covariance[7 * k] > 0);
+                for (int k = 0; k < 6; k++) assert_true(r.pose_covariance[7 * k] > 0);
             }
             if (i > 2) assert_true(r.seeded && r.iterations <= 4 && r.innovation_sigmas < 3);
-            assert_int_equal(fathom_pose(s.scan, at, covariance), FATHOM_OK);
-            assert_memory_equal(at, r.pose, sizeof at);
-            assert_memory_equal(covariance, r.covariance, sizeof covariance);
+            assert_int_equal(fathom_get_pose(s.scan, &at, covariance), FATHOM_OK);
+            assert_memory_equal(&at, &r.pose, sizeof at);
+            assert_memory_equal(covariance, r.pose_covariance, sizeof covariance);
         }
-        fathom_counters counters;
+        fathom_counters counters = FATHOM_STRUCT(fathom_counters);
         assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
         assert_true(counters.imu_accepted == (imu ? next : 0));
         assert_true(counters.imu_not_finite == 0 && counters.imu_out_of_order == 0 &&
@@ -101,16 +102,16 @@ static void any_size_will_do(void **state) {
     for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
         fathom_config c = logged();
         const int width = sizes[k][0], height = sizes[k][1];
-        c.depth_width = width;
-        c.depth_height = height;
+        c.depth_camera.width = width;
+        c.depth_camera.height = height;
         c.align_width = width / sizes[k][2];
         c.align_height = height / sizes[k][2];
         synthetic_context s = synthetic_start(&c);
         for (int i = 0; i < FRAMES; i += 2) {
             for (int y = 0; y < height; y++)
                 memcpy(cut + y * width, frames[i].depth + y * SYNTHETIC_WIDTH, (size_t)width * sizeof *cut);
-            fathom_depth_frame frame = {frames[i].timestamp_ns, cut, width, height};
-            fathom_result r;
+            fathom_depth_frame frame = synthetic_depth(frames[i].timestamp_ns, cut, width, height);
+            fathom_result r = FATHOM_STRUCT(fathom_result);
             assert_int_equal(fathom_step(s.scan, &frame, &r), FATHOM_OK);
             synthetic_check_result(&r);
             assert_int_equal(r.state, i == 0 ? FATHOM_FIRST : FATHOM_TRACKED);
@@ -163,7 +164,7 @@ static void a_covered_lens_at_the_start_waits_for_a_surface(void **state) {
     assert_int_equal(r.state, FATHOM_FIRST);
     assert_same_pose(r.pose, frames[0].pose); /* the first surface is at the first pose */
     assert_int_equal(synthetic_step(s.scan, &frames[4]).state, FATHOM_TRACKED);
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
     assert_int_equal(counters.imu_not_finite, 3);
     synthetic_stop(&s);
@@ -173,26 +174,28 @@ static void frames_that_cannot_be_used_are_counted_and_change_nothing(void **sta
     (void)state;
     fathom_config c = logged();
     synthetic_context s = synthetic_start(&c);
-    fathom_result last = {0}, r;
+    fathom_result last = FATHOM_STRUCT(fathom_result), r = last;
     const int64_t stamps[] = {0, -1, -SYNTHETIC_PERIOD_NS, INT64_MIN, INT64_MAX};
     const int widths[] = {SYNTHETIC_WIDTH + 1, SYNTHETIC_HEIGHT, 0, -1, 640};
-    fathom_depth_frame early = {INT64_MAX, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+    fathom_depth_frame early = synthetic_depth(INT64_MAX, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
     assert_int_equal(fathom_step(s.scan, &early, &r), FATHOM_ERROR_TIME); /* as the very first, too */
     assert_same_pose(r.pose, frames[0].pose);
     for (int i = 0; i < 4; i++) last = synthetic_step(s.scan, &frames[i]);
     for (int i = 0; i < 5; i++) {
-        fathom_depth_frame late = {stamps[i], frames[4].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+        fathom_depth_frame late = synthetic_depth(stamps[i], frames[4].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
         if (i < 3) late.timestamp_ns += frames[3].timestamp_ns;
         memset(&r, 0xff, sizeof r);
+        r.struct_size = sizeof r;
         assert_int_equal(fathom_step(s.scan, &late, &r), FATHOM_ERROR_TIME);
         assert_memory_equal(&r, &last, sizeof r);
-        fathom_depth_frame other = {frames[4].timestamp_ns, frames[4].depth, widths[i], SYNTHETIC_HEIGHT};
+        fathom_depth_frame other = synthetic_depth(frames[4].timestamp_ns, frames[4].depth, widths[i], SYNTHETIC_HEIGHT);
         if (i == 1) other.height = SYNTHETIC_WIDTH; /* turned: as many pixels */
         memset(&r, 0xff, sizeof r);
+        r.struct_size = sizeof r;
         assert_int_equal(fathom_step(s.scan, &other, &r), FATHOM_ERROR_SIZE);
         assert_memory_equal(&r, &last, sizeof r);
     }
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
     assert_int_equal(counters.frames_ignored, 11);
     assert_int_equal(kept.warnings, 11);
@@ -201,8 +204,8 @@ static void frames_that_cannot_be_used_are_counted_and_change_nothing(void **sta
 
     synthetic_context twin = synthetic_start(&c); /* which saw none of them */
     for (int i = 0; i < 5; i++) last = synthetic_step(twin.scan, &frames[i]);
-    assert_memory_equal(r.pose, last.pose, sizeof r.pose);
-    assert_memory_equal(r.covariance, last.covariance, sizeof r.covariance);
+    assert_memory_equal(&r.pose, &last.pose, sizeof r.pose);
+    assert_memory_equal(r.pose_covariance, last.pose_covariance, sizeof r.pose_covariance);
     synthetic_stop(&twin);
     synthetic_stop(&s);
 }
@@ -219,9 +222,9 @@ static void clocks_that_jump_leave_everything_finite(void **state) {
                 if (imu) push_until(s.scan, &next, frames[i].timestamp_ns);
                 synthetic_step(s.scan, &frames[i]);
             }
-            fathom_depth_frame jumped = {jumps[k], frames[3].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+            fathom_depth_frame jumped = synthetic_depth(jumps[k], frames[3].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
             for (int i = 0; i < 3; i++) {
-                fathom_result r;
+                fathom_result r = FATHOM_STRUCT(fathom_result);
                 assert_int_equal(fathom_step(s.scan, &jumped, &r), FATHOM_OK);
                 synthetic_check_result(&r);
                 jumped.timestamp_ns += SYNTHETIC_PERIOD_NS;
@@ -231,7 +234,7 @@ static void clocks_that_jump_leave_everything_finite(void **state) {
             assert_int_equal(fathom_push_imu(s.scan, &far), FATHOM_ERROR_ARGUMENT);
             far.timestamp_ns = INT64_MIN;
             assert_int_equal(fathom_push_imu(s.scan, &far), FATHOM_ERROR_ARGUMENT);
-            fathom_motion m;
+            fathom_motion m = FATHOM_STRUCT(fathom_motion);
             assert_int_equal(fathom_inertial_estimate(s.scan, INT64_MIN, INT64_MAX, &m),
                              FATHOM_ERROR_ARGUMENT);
             synthetic_stop(&s);
@@ -251,7 +254,7 @@ static void a_paused_scan_tracks_and_fuses_nothing(void **state) {
     (void)state;
     fathom_config c = logged();
     synthetic_context s = synthetic_start(&c);
-    fathom_result r;
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     assert_int_equal(fathom_pause(s.scan, true), FATHOM_OK); /* before there is a surface */
     r = synthetic_step(s.scan, &frames[0]);
     assert_true(r.state == FATHOM_RECKONED && !r.fused && r.blocks == 0);
@@ -285,7 +288,7 @@ static void reset_starts_anew(void **state) {
     (void)state;
     fathom_config c = logged();
     synthetic_context s = synthetic_start(&c);
-    fathom_result first[8], r;
+    fathom_result first[8], r = FATHOM_STRUCT(fathom_result);
     for (int round = 0; round < 2; round++) {
         int next = 0;
         for (int i = 0; i < 8; i++) {
@@ -297,8 +300,8 @@ static void reset_starts_anew(void **state) {
             }
             assert_int_equal(r.state, first[i].state);
             assert_int_equal(r.blocks, first[i].blocks);
-            assert_memory_equal(r.pose, first[i].pose, sizeof r.pose);
-            assert_memory_equal(r.covariance, first[i].covariance, sizeof r.covariance);
+            assert_memory_equal(&r.pose, &first[i].pose, sizeof r.pose);
+            assert_memory_equal(r.pose_covariance, first[i].pose_covariance, sizeof r.pose_covariance);
         }
         if (round == 1) break;
         for (int i = 8; i < FRAMES;
@@ -306,15 +309,15 @@ static void reset_starts_anew(void **state) {
             push_until(s.scan, &next, frames[i].timestamp_ns);
             synthetic_step(s.scan, &frames[i]);
         }
-        fathom_depth_frame late = {0, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
+        fathom_depth_frame late = synthetic_depth(0, frames[0].depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
         assert_int_equal(fathom_step(s.scan, &late, &r), FATHOM_ERROR_TIME);
         assert_int_equal(fathom_reset(s.scan), FATHOM_OK);
-        float at[16];
-        assert_int_equal(fathom_pose(s.scan, at, NULL), FATHOM_OK);
+        fathom_pose at;
+        assert_int_equal(fathom_get_pose(s.scan, &at, NULL), FATHOM_OK);
         assert_same_pose(at, frames[0].pose);
         synthetic_mesh mesh = mesh_of(s.scan);
         assert_int_equal(mesh.count, 0);
-        fathom_counters counters;
+        fathom_counters counters = FATHOM_STRUCT(fathom_counters);
         assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
         assert_int_equal(counters.frames_ignored, 1); /* counters stay */
         assert_true(counters.imu_accepted == next);
@@ -334,7 +337,7 @@ static void fusing_behind_changes_nothing_but_when(void **state) {
         push_until(behind.scan, &next[1], frames[i].timestamp_ns);
         fathom_result a = synthetic_step(at_once.scan, &frames[i]),
                       b = synthetic_step(behind.scan, &frames[i]);
-        assert_memory_equal(a.pose, b.pose, sizeof a.pose);
+        assert_memory_equal(&a.pose, &b.pose, sizeof a.pose);
         assert_int_equal(a.blocks, b.blocks);
         assert_true(b.fused);
         if (i % 5) continue;
@@ -353,8 +356,8 @@ static void fusing_behind_changes_nothing_but_when(void **state) {
 
 /* ---- dead reckoning ----------------------------------------------------------------------------------------------- */
 
-static double trace(const float c[36], int from) {
-    return (double)c[7 * from] + c[7 * from + 7] + c[7 * from + 14];
+static double trace(const double c[36], int from) {
+    return c[7 * from] + c[7 * from + 7] + c[7 * from + 14];
 }
 
 static void an_outage_is_reckoned_and_found_back_from(void **state) {
@@ -372,16 +375,16 @@ static void an_outage_is_reckoned_and_found_back_from(void **state) {
         if (blank) {
             assert_true(!r.fused && r.blocks == blocks && r.pairs == 0);
             assert_int_not_equal(r.verdict, FATHOM_VERDICT_TRACKING);
-            assert_true(trace(r.covariance, 0) > turn && trace(r.covariance, 3) > place); /* grows */
-            double sigma = sqrt(trace(r.covariance, 3)), off = synthetic_distance(r.pose, frames[i].pose);
+            assert_true(trace(r.pose_covariance, 0) > turn && trace(r.pose_covariance, 3) > place); /* grows */
+            double sigma = sqrt(trace(r.pose_covariance, 3)), off = synthetic_distance(r.pose, frames[i].pose);
             assert_true(off < 3 * sigma + 0.006); /* and covers what it is off */
             assert_near_truth(&r, &frames[i], 0.1, 0.02);
         } else {
             assert_near_truth(&r, &frames[i], 0.008, 0.005);
         }
-        if (i == 11) assert_true(trace(r.covariance, 3) < 0.1 * place);
-        turn = trace(r.covariance, 0);
-        place = trace(r.covariance, 3);
+        if (i == 11) assert_true(trace(r.pose_covariance, 3) < 0.1 * place);
+        turn = trace(r.pose_covariance, 0);
+        place = trace(r.pose_covariance, 3);
         blocks = r.blocks;
     }
     synthetic_stop(&s);
@@ -397,7 +400,7 @@ static void a_long_outage_is_called_lost(void **state) {
     for (int i = 4; i < 60; i++) {
         fathom_result r = synthetic_blank(s.scan, frames[0].timestamp_ns + (int64_t)i * SYNTHETIC_PERIOD_NS);
         double sigma = 0;
-        for (int k = 3; k < 6; k++) sigma = fmax(sigma, sqrt(r.covariance[7 * k]));
+        for (int k = 3; k < 6; k++) sigma = fmax(sigma, sqrt(r.pose_covariance[7 * k]));
         assert_int_equal(r.state, sigma > 0.2 ? FATHOM_LOST : FATHOM_RECKONED);
         assert_true(!lost || r.state == FATHOM_LOST); /* once and for all, until tracked again */
         lost = r.state == FATHOM_LOST;
@@ -419,7 +422,7 @@ static const synthetic_frame *frame_at(int64_t stamp) {
     return NULL;
 }
 
-enum { HOOK_TRUTH, HOOK_NO_DATA, HOOK_NAN_MOTION, HOOK_NAN_COVARIANCE, HOOK_NEGATIVE, HOOK_MIRROR };
+enum { HOOK_TRUTH, HOOK_NO_DATA, HOOK_NAN_MOTION, HOOK_NAN_COVARIANCE, HOOK_NEGATIVE, HOOK_NOT_RIGID };
 
 static int true_motion(void *user, int64_t from, int64_t to, fathom_motion *motion) {
     hook_record *h = user;
@@ -427,23 +430,21 @@ static int true_motion(void *user, int64_t from, int64_t to, fathom_motion *moti
     h->from = from;
     h->to = to;
     pose a, b;
-    memset(motion, 0, sizeof *motion);
-    assert_true(pose_from_matrix(frame_at(from)->pose, &a) && pose_from_matrix(frame_at(to)->pose, &b));
+    assert_true(pose_take(&frame_at(from)->pose, &a) && pose_take(&frame_at(to)->pose, &b));
     a = pose_between(&a, &b);
-    pose_to_matrix(&a, motion->motion);
-    for (int i = 0; i < 6; i++) motion->covariance[7 * i] = 1e-4f;
-    if (h->mode == HOOK_NAN_MOTION) motion->motion[3] = NAN;
+    motion->motion = pose_give(&a);
+    for (int i = 0; i < 6; i++) motion->covariance[7 * i] = 1e-4;
+    if (h->mode == HOOK_NAN_MOTION) motion->motion.position[0] = NAN;
     if (h->mode == HOOK_NAN_COVARIANCE) motion->covariance[8] = NAN;
     if (h->mode == HOOK_NEGATIVE) motion->covariance[21] = -1;
-    if (h->mode == HOOK_MIRROR) motion->motion[0] = -motion->motion[0];
+    if (h->mode == HOOK_NOT_RIGID) motion->motion.orientation[3] *= 2;
     return h->mode == HOOK_NO_DATA ? FATHOM_ERROR_NO_DATA : FATHOM_OK;
 }
 
 static void the_hook_replaces_the_estimate_when_it_has_one(void **state) {
     (void)state;
-    float own[FRAMES]
-             [16]; /* poses by the library's own estimate: frames far apart, so that the seed matters */
-    for (int mode = -1; mode <= HOOK_MIRROR; mode++) {
+    fathom_pose own[FRAMES]; /* poses by the library's own estimate: frames far apart, so that the seed matters */
+    for (int mode = -1; mode <= HOOK_NOT_RIGID; mode++) {
         fathom_config c = logged();
         hook_record record = {.mode = mode};
         if (mode >= 0) c.inertial_hook = true_motion;
@@ -452,9 +453,9 @@ static void the_hook_replaces_the_estimate_when_it_has_one(void **state) {
         int steps = 0;
         for (int i = 0; i < FRAMES; i += 5, steps++) {
             fathom_result r = synthetic_step(s.scan, &frames[i]);
-            if (mode == -1) memcpy(own[i], r.pose, sizeof r.pose);
+            if (mode == -1) own[i] = r.pose;
             if (mode > HOOK_TRUTH)
-                assert_memory_equal(r.pose, own[i], sizeof r.pose); /* as if it weren't there */
+                assert_memory_equal(&r.pose, &own[i], sizeof r.pose); /* as if it weren't there */
             if (mode != HOOK_TRUTH) continue;
             assert_near_truth(&r, &frames[i], 0.006, 0.004);
             if (i == 0) continue;
@@ -473,7 +474,7 @@ static void the_hook_alone_carries_a_blank_frame(void **state) {
     c.inertial_hook = true_motion;
     c.inertial_user = &record;
     synthetic_context s = synthetic_start(&c);
-    fathom_result before, after;
+    fathom_result before = FATHOM_STRUCT(fathom_result), after = before;
     synthetic_step(s.scan, &frames[0]);
     before = synthetic_step(s.scan, &frames[1]);
     after = synthetic_blank(s.scan, frames[9].timestamp_ns);
@@ -481,7 +482,7 @@ static void the_hook_alone_carries_a_blank_frame(void **state) {
     assert_true(fabs(synthetic_distance(before.pose, after.pose) -
                      synthetic_distance(frames[1].pose, frames[9].pose)) < 1e-5);
     assert_near_truth(&after, &frames[9], 0.006, 0.004);
-    for (int k = 0; k < 6; k++) assert_true(after.covariance[7 * k] >= 1e-4f);
+    for (int k = 0; k < 6; k++) assert_true(after.pose_covariance[7 * k] >= 1e-4);
     synthetic_stop(&s);
 }
 
@@ -494,20 +495,19 @@ static void the_estimate_can_be_asked_for(void **state) {
         push_until(s.scan, &next, frames[i].timestamp_ns);
         synthetic_step(s.scan, &frames[i]);
     }
-    fathom_motion there, back;
+    fathom_motion there = FATHOM_STRUCT(fathom_motion), back = there;
     push_until(s.scan, &next, frames[9].timestamp_ns);
     assert_int_equal(fathom_inertial_estimate(s.scan, frames[7].timestamp_ns, frames[9].timestamp_ns, &there),
                      FATHOM_OK);
     assert_int_equal(fathom_inertial_estimate(s.scan, frames[9].timestamp_ns, frames[7].timestamp_ns, &back),
                      FATHOM_OK);
     pose from, to, m, n;
-    float truth[16];
-    assert_true(pose_from_matrix(frames[7].pose, &from) && pose_from_matrix(frames[9].pose, &to));
+    assert_true(pose_take(&frames[7].pose, &from) && pose_take(&frames[9].pose, &to));
     m = pose_between(&from, &to);
-    pose_to_matrix(&m, truth);
+    const fathom_pose truth = pose_give(&m);
     assert_true(synthetic_angle(there.motion, truth) < 0.004 &&
                 synthetic_distance(there.motion, truth) < 0.02);
-    assert_true(pose_from_matrix(there.motion, &m) && pose_from_matrix(back.motion, &n));
+    assert_true(pose_take(&there.motion, &m) && pose_take(&back.motion, &n));
     m = pose_multiply(&m, &n);
     assert_true(pose_angle(&m) < 1e-5);
     for (int k = 0; k < 6; k++) assert_true(there.covariance[7 * k] > 0);
@@ -531,7 +531,7 @@ static void samples_are_pushed_from_a_second_thread_while_stepping(void **state)
     synthetic_context s = synthetic_start(&c);
     pthread_t thread;
     void *failed;
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     assert_int_equal(pthread_create(&thread, NULL, push_all, s.scan), 0);
     for (int i = 0; i < FRAMES; i++) {
         fathom_result r = synthetic_step(s.scan, &frames[i]);

@@ -30,14 +30,14 @@
 /* ---- the library -------------------------------------------------------------------------------------------------- */
 
 static struct {
-    int64_t (*memory_required)(const fathom_config *);
-    int (*init)(fathom **, const fathom_config *, void *, size_t);
+    int64_t (*memory_required)(const fathom_config *, char *, size_t);
+    int (*init)(fathom **, const fathom_config *, void *, size_t, char *, size_t);
     void (*close)(fathom *);
     int (*reset)(fathom *);
     int (*push_imu)(fathom *, const fathom_imu_sample *);
     int (*step)(fathom *, const fathom_depth_frame *, fathom_result *);
     int (*inertial_estimate)(fathom *, int64_t, int64_t, fathom_motion *);
-    int (*shaded_view)(fathom *, const fathom_view *, uint8_t *);
+    int (*cast_view)(fathom *, const fathom_view *, float *, float *);
     int64_t (*extract_mesh)(fathom *, float, fathom_triangles, void *);
     int (*get_counters)(fathom *, fathom_counters *);
 } lib;
@@ -87,7 +87,7 @@ static int setup(void **state) {
     load(handle, "fathom_push_imu", &lib.push_imu);
     load(handle, "fathom_step", &lib.step);
     load(handle, "fathom_inertial_estimate", &lib.inertial_estimate);
-    load(handle, "fathom_shaded_view", &lib.shaded_view);
+    load(handle, "fathom_cast_view", &lib.cast_view);
     load(handle, "fathom_extract_mesh", &lib.extract_mesh);
     load(handle, "fathom_get_counters", &lib.get_counters);
     uintptr_t step;
@@ -107,12 +107,12 @@ static void begin(int width) {
     fathom_config c = synthetic_config(NULL);
     c.align_width = width;
     c.align_height = width * SYNTHETIC_HEIGHT / SYNTHETIC_WIDTH;
-    int64_t bytes = lib.memory_required(&c);
+    int64_t bytes = lib.memory_required(&c, NULL, 0);
     assert_true(bytes > 0);
     block = malloc((size_t)bytes);
     assert_non_null(block);
     memset(block, 0, (size_t)bytes); /* the caller's, and so resident from the start */
-    assert_int_equal(lib.init(&scan, &c, block, (size_t)bytes), FATHOM_OK);
+    assert_int_equal(lib.init(&scan, &c, block, (size_t)bytes, NULL, 0), FATHOM_OK);
     stamp = 0;
 }
 
@@ -131,12 +131,11 @@ static const synthetic_frame *frame_of(int i) {
 static fathom_result walk(int i) {
     static const synthetic_frame blank;
     const synthetic_frame *f = frame_of(i), *before = frame_of(i > 0 ? i - 1 : 0);
-    fathom_depth_frame frame = {stamp += SYNTHETIC_PERIOD_NS, i % 50 == 49 ? blank.depth : f->depth,
-                                SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-    fathom_result r;
+    fathom_depth_frame frame = synthetic_depth(stamp += SYNTHETIC_PERIOD_NS, i % 50 == 49 ? blank.depth : f->depth, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     pose from, to;
     double turn[3];
-    assert_true(pose_from_matrix(before->pose, &from) && pose_from_matrix(f->pose, &to));
+    assert_true(pose_take(&before->pose, &from) && pose_take(&f->pose, &to));
     from = pose_between(&from, &to);
     so3_log(from.r, turn);
     for (int j = 6; j >= 0; j--) { /* turning as the frames do; a shaking hand, never still */
@@ -184,10 +183,12 @@ static void the_counter_counts(void **state) {
 static void two_hundred_steps_make_no_call_to_the_heap(void **state) {
     (void)state;
     int tracked = 0;
-    fathom_motion motion;
-    fathom_counters counters;
-    static uint8_t rgb[3 * 100 * 80];
-    fathom_view view = {100, 80, 80, 80, 50, 40, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, 0, 0};
+    fathom_motion motion = FATHOM_STRUCT(fathom_motion);
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
+    static float depth[100 * 80], normals[3 * 100 * 80];
+    fathom_view view = FATHOM_STRUCT(fathom_view);
+    view.camera = (fathom_pinhole){.width = 100, .height = 80, .fx = 80, .fy = 80, .cx = 50, .cy = 40};
+    view.pose.orientation[3] = 1;
     begin(SYNTHETIC_WIDTH);
     heap_count_watch(text_low, text_high);
     const long watched = heap_count_watched(), every = heap_count_all();
@@ -197,7 +198,7 @@ static void two_hundred_steps_make_no_call_to_the_heap(void **state) {
         assert_int_equal(lib.inertial_estimate(scan, stamp - 10000000, stamp, &motion), FATHOM_OK);
         if (i % 40 != 39) continue; /* nor what else can be called between steps */
         assert_int_equal(lib.get_counters(scan, &counters), FATHOM_OK);
-        assert_int_equal(lib.shaded_view(scan, &view, rgb), FATHOM_OK);
+        assert_int_equal(lib.cast_view(scan, &view, depth, normals), FATHOM_OK);
         assert_true(lib.extract_mesh(scan, 0, no_triangles, NULL) > 0);
         if (i == 119) assert_int_equal(lib.reset(scan), FATHOM_OK);
     }

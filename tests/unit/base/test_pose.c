@@ -347,13 +347,13 @@ static void matrices_go_to_poses_and_back(void **state) {
     (void)state;
     for (uint64_t i = 0; i < 50; i++) {
         pose a = random_pose(i), b;
-        float m[16];
+        double m[16];
         pose_to_matrix(&a, m);
         assert_true(m[12] == 0 && m[13] == 0 && m[14] == 0 && m[15] == 1);
         assert_true(pose_from_matrix(m, &b));
-        assert_pose_equal(&a, &b, 1e-6);
+        assert_pose_equal(&a, &b, 1e-14);
         assert_true(pose_is_finite(&b));
-        m[1] += 2e-4f; /* as from a file with four digits: taken, and made a rotation */
+        m[1] += 2e-4; /* as from a file with four digits: taken, and made a rotation */
         assert_true(pose_from_matrix(m, &b));
         double product[9];
         so3_transpose_multiply(b.r, b.r, product);
@@ -363,11 +363,11 @@ static void matrices_go_to_poses_and_back(void **state) {
 
 static void bad_matrices_are_refused(void **state) {
     (void)state;
-    float good[16], m[16];
+    double good[16], m[16];
     pose a = random_pose(3), p;
     pose_to_matrix(&a, good);
     for (int i = 0; i < 16; i++) { /* not finite, anywhere */
-        const float bad[] = {NAN, INFINITY, -INFINITY};
+        const double bad[] = {NAN, INFINITY, -INFINITY};
         for (int k = 0; k < 3; k++) {
             memcpy(m, good, sizeof m);
             m[i] = bad[k];
@@ -376,15 +376,15 @@ static void bad_matrices_are_refused(void **state) {
     }
     for (int k = 0; k < 4; k++) { /* the last row */
         memcpy(m, good, sizeof m);
-        m[12 + k] += 0.01f;
+        m[12 + k] += 0.01;
         assert_false(pose_from_matrix(m, &p));
     }
     memcpy(m, good, sizeof m); /* scaled */
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) m[4 * i + j] *= 1.01f;
+        for (int j = 0; j < 3; j++) m[4 * i + j] *= 1.01;
     assert_false(pose_from_matrix(m, &p));
     memcpy(m, good, sizeof m); /* sheared */
-    for (int j = 0; j < 3; j++) m[j] += 0.1f * m[4 + j];
+    for (int j = 0; j < 3; j++) m[j] += 0.1 * m[4 + j];
     assert_false(pose_from_matrix(m, &p));
     memcpy(m, good, sizeof m); /* mirrored */
     for (int j = 0; j < 3; j++) m[j] = -m[j];

@@ -94,7 +94,7 @@ static void runs_like_the_reference(void **state) {
     job *j = *state;
     if (!opened || opened->at != j->at || opened->how != j->how) {
         close_device();
-        open_config = fathom_config_default();
+        fathom_config_init(&open_config);
         open_config.device = j->at->alone ? j->at->platform : j->at->name;
         open_config.buffers = j->how->buffers;
         open_config.log = to_stderr;
@@ -124,21 +124,22 @@ static int digest_triangles(void *h, const fathom_vertex *vertices, size_t count
 static int print_digest(const char *name) {
     enum { WIDTH = 160, HEIGHT = 120 };
     static uint16_t frame[WIDTH * HEIGHT];
-    fathom_config c = fathom_config_default();
-    c.depth_width = WIDTH;
-    c.depth_height = HEIGHT;
-    c.fx = c.fy = 131;
-    c.cx = 79.5f;
-    c.cy = 59.5f;
+    fathom_config c;
+    fathom_config_init(&c);
+    c.depth_camera.width = WIDTH;
+    c.depth_camera.height = HEIGHT;
+    c.depth_camera.fx = c.depth_camera.fy = 131;
+    c.depth_camera.cx = 79.5f;
+    c.depth_camera.cy = 59.5f;
     c.voxel_m = 0.02f;
     c.max_blocks = 4000;
     c.device = name;
     c.imu = false;
     c.log = to_stderr;
-    int64_t size = fathom_memory_required(&c);
+    int64_t size = fathom_memory_required(&c, NULL, 0);
     fathom *f = NULL;
     void *memory = size > 0 ? malloc((size_t)size) : NULL;
-    if (!memory || fathom_init(&f, &c, memory, (size_t)size) != FATHOM_OK) return 1;
+    if (!memory || fathom_init(&f, &c, memory, (size_t)size, NULL, 0) != FATHOM_OK) return 1;
     uint64_t h = 14695981039346656037ull;
     int tracked = 0;
     for (int i = 0; i < 6; i++) {
@@ -148,12 +149,16 @@ static int print_digest(const char *name) {
             frame[k] = (uint16_t)(1000 * (1.4 + 0.2 * u - 0.3 * v + (u > 0.35 ? -0.3 : 0) - bump) +
                                   (k * 7919u >> 4) % 3);
         }
-        fathom_depth_frame scan = {33333333 * (int64_t)(i + 1), frame, WIDTH, HEIGHT};
-        fathom_result r;
+        fathom_depth_frame scan = {.struct_size = sizeof scan,
+                                   .timestamp_ns = 33333333 * (int64_t)(i + 1),
+                                   .depth = frame,
+                                   .width = WIDTH,
+                                   .height = HEIGHT};
+        fathom_result r = FATHOM_STRUCT(fathom_result);
         if (fathom_step(f, &scan, &r) != FATHOM_OK) return 1;
         tracked += r.state == FATHOM_TRACKED || r.state == FATHOM_FIRST;
-        digest_bytes(&h, r.pose, sizeof r.pose);
-        digest_bytes(&h, r.covariance, sizeof r.covariance);
+        digest_bytes(&h, &r.pose, sizeof r.pose);
+        digest_bytes(&h, r.pose_covariance, sizeof r.pose_covariance);
         digest_bytes(&h, r.singular_values, sizeof r.singular_values);
         void *sums = device_map(&f->device, &f->tracker.aligner.sums, CL_MAP_READ);
         if (i > 0 && sums) digest_bytes(&h, sums, (size_t)HEIGHT * SUMS * 4);

@@ -303,8 +303,8 @@ static void test_rig(void **state) {
     assert_float_equal(r->color_to_depth_translation[0], 0.025, 0);
     fathom_config config = {.gravity_m_s2 = 9.80665f};
     fathom_recording_configure(r, &config);
-    assert_int_equal(config.depth_width, WIDTH);
-    assert_float_equal(config.fy, 61, 0);
+    assert_int_equal(config.depth_camera.width, WIDTH);
+    assert_float_equal(config.depth_camera.fy, 61, 0);
     assert_float_equal(config.depth_units_per_metre, 2000, 0);
     assert_float_equal(config.imu_to_camera_translation[1], -0.02f, 0);
     assert_float_equal(config.gravity_m_s2, 9.81f, 0);

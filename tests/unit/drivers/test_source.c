@@ -117,10 +117,10 @@ static fathom_source_status status_of(fathom_source *source) {
 static void every_error_has_its_name(void **state) {
     (void)state;
     for (int e = FATHOM_ERROR_UNSUPPORTED; e <= FATHOM_ERROR_TIMEOUT; e++)
-        assert_int_equal(strncmp(fathom_source_error_name(e), "FATHOM_ERROR_", 13), 0);
-    assert_string_equal(fathom_source_error_name(FATHOM_ERROR_UNPLUGGED), "FATHOM_ERROR_UNPLUGGED");
-    assert_string_equal(fathom_source_error_name(FATHOM_ERROR_CONFIG), "FATHOM_ERROR_CONFIG");
-    assert_non_null(fathom_source_error_name(-12345));
+        assert_int_equal(strncmp(fathom_error_name(e), "FATHOM_ERROR_", 13), 0);
+    assert_string_equal(fathom_error_name(FATHOM_ERROR_UNPLUGGED), "FATHOM_ERROR_UNPLUGGED");
+    assert_string_equal(fathom_error_name(FATHOM_ERROR_CONFIG), "FATHOM_ERROR_CONFIG");
+    assert_non_null(fathom_error_name(-12345));
     assert_string_equal(fathom_source_state_name(FATHOM_SOURCE_STALLED), "stalled");
     assert_non_null(fathom_source_state_name((fathom_source_state)99));
 }
@@ -164,7 +164,8 @@ static void null_sources_are_refused(void **state) {
     fathom_source_frame frame;
     fathom_source_status status;
     fathom_imu_sample sample;
-    fathom_config config = fathom_config_default();
+    fathom_config config;
+    fathom_config_init(&config);
     assert_int_equal(fathom_source_start(NULL), FATHOM_ERROR_ARGUMENT);
     assert_int_equal(fathom_source_stop(NULL), FATHOM_ERROR_ARGUMENT);
     assert_int_equal(fathom_source_wait(NULL, 0), FATHOM_ERROR_ARGUMENT);
@@ -529,7 +530,8 @@ static void one_kind_only(void **state) {
     (void)state;
     fathom_source_frame frame;
     fathom_imu_sample samples[SAMPLES];
-    fathom_config config = fathom_config_default();
+    fathom_config config;
+    fathom_config_init(&config);
     fathom_source *source =
         open_folder((fathom_source_options){.kinds = FATHOM_SOURCE_IMU, .imu_capacity = SAMPLES});
     assert_int_equal(fathom_source_start(source), FATHOM_OK);
@@ -540,7 +542,7 @@ static void one_kind_only(void **state) {
     assert_int_equal(fathom_source_wait(source, 1000), FATHOM_ERROR_ENDED);
     assert_int_equal(status_of(source).width, 0);
     fathom_source_configure(source, &config);
-    assert_int_equal(config.depth_width, fathom_config_default().depth_width);
+    assert_int_equal(config.depth_camera.width, 640);
     assert_int_equal(config.imu_clock_offset_ns, 1000000);
     fathom_source_close(source);
 
@@ -549,7 +551,7 @@ static void one_kind_only(void **state) {
     assert_int_equal(fathom_source_wait(source, 1000), FATHOM_OK);
     assert_int_equal(fathom_source_read_imu(source, samples, SAMPLES), 0);
     fathom_source_configure(source, &config);
-    assert_int_equal(config.depth_width, WIDTH);
+    assert_int_equal(config.depth_camera.width, WIDTH);
     assert_true(config.depth_units_per_metre == 1000);
     assert_true(fabsf(config.imu_to_camera_rotation[1] + 1) < 1e-6f);
     fathom_source_close(source);

@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/se3.h"
 #include "calibrate/calibration.h"
 #include "simulate/counter_random.h"
 #include "simulate/imu_model.h"
@@ -47,21 +48,19 @@ static void simulate(const struct rig *rig) {
     for (int i = 0; i < path.count; i++) {
         const double t = 0.4 + i / FRAME_RATE;
         double vector[3], error[9];
-        struct camera_pose pose;
-        camera_path_pose(&way, t, &pose);
+        struct camera_pose at;
+        camera_path_pose(&way, t, &at);
         for (int k = 0; k < 3; k++) vector[k] = rig->noise_rad * random_normal(key, (uint64_t)(6 * i + k));
         rotation_of_vector(vector, error);
         memset(&points[i], 0, sizeof points[i]);
         points[i].timestamp_ns = llround(1e9 * t);
         points[i].state = i ? FATHOM_TRACKED : FATHOM_FIRST;
-        points[i].pose[15] = 1;
-        for (int r = 0; r < 3; r++) {
-            for (int c = 0; c < 3; c++)
-                for (int k = 0; k < 3; k++)
-                    points[i].pose[4 * r + c] += (float)(pose.rotation[3 * r + k] * error[3 * k + c]);
-            points[i].pose[4 * r + 3] =
-                (float)(pose.position[r] + rig->noise_m * random_normal(key, (uint64_t)(6 * i + 3 + r)));
-        }
+        double seen[9];
+        so3_multiply(at.rotation, error, seen);
+        quaternion_of(seen, points[i].pose.orientation);
+        for (int r = 0; r < 3; r++)
+            points[i].pose.position[r] =
+                at.position[r] + rig->noise_m * random_normal(key, (uint64_t)(6 * i + 3 + r));
     }
     const double seconds = 0.8 + path.count / FRAME_RATE;
     input = (struct calibration_input){.path = &path, .imu = samples, .offset_range = 0.5};
@@ -177,14 +176,13 @@ static void test_wrong_frames_are_left_out(void **state) {
     simulate(&rig);
     points[40].state = FATHOM_RECKONED;
     for (int i = 200; i < 300; i++) {
-        double vector[3], turned[9], wrong[9] = {0};
+        double vector[3], turned[9];
+        pose wrong;
         for (int k = 0; k < 3; k++) vector[k] = 0.4 * sin(0.3 * i + 2 * k);
         rotation_of_vector(vector, turned);
-        for (int r = 0; r < 3; r++)
-            for (int c = 0; c < 3; c++)
-                for (int k = 0; k < 3; k++) wrong[3 * r + c] += points[i].pose[4 * r + k] * turned[3 * k + c];
-        for (int r = 0; r < 3; r++)
-            for (int c = 0; c < 3; c++) points[i].pose[4 * r + c] = (float)wrong[3 * r + c];
+        assert_true(pose_take(&points[i].pose, &wrong));
+        so3_multiply(wrong.r, turned, wrong.r);
+        points[i].pose = pose_give(&wrong);
     }
     assert_int_equal(calibration_solve(&input, &found), CALIBRATION_DONE);
     assert_true(found.left_out > 50);

@@ -95,13 +95,13 @@ static void test_association(void **state) {
     for (int i = 0; i < 6; i++) {
         points[i].timestamp_ns =
             i * INT64_C(30000000) + 15000000; /* half-way; the last two within and beyond 20 ms */
-        points[i].pose[3] = (float)(i + 0.5);
-        points[i].pose[7] = (float)(2 * i + 1);
-        points[i].pose[11] = 4;
+        points[i].pose.position[0] = i + 0.5;
+        points[i].pose.position[1] = 2 * i + 1;
+        points[i].pose.position[2] = 4;
     }
-    points[4].pose[3] = 4; /* held there: the nearest is taken */
-    points[4].pose[7] = 8;
-    points[5].pose[3] = 1000;
+    points[4].pose.position[0] = 4; /* held there: the nearest is taken */
+    points[4].pose.position[1] = 8;
+    points[5].pose.position[0] = 1000;
     fathom_recording recording = {.pose_count = 5, .poses = poses};
     const struct path path = {6, points};
     assert_float_equal(evaluate_ate(&recording, &path), 0, 1e-6);

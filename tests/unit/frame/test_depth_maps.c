@@ -22,20 +22,21 @@ static depth_maps maps_of(fathom_config *c) {
 /* The corner of the picture is half a pixel from the first pixel's centre, on every level. */
 static void every_level_sees_the_same_field_of_view(void **state) {
     (void)state;
-    fathom_config c = fathom_config_default();
-    c.cx = 301.7f;
-    c.cy = 255.3f;
+    fathom_config c;
+    fathom_config_init(&c);
+    c.depth_camera.cx = 301.7f;
+    c.depth_camera.cy = 255.3f;
     for (int factor = 1; factor <= 4; factor++) {
-        c.align_width = c.depth_width / factor;
-        c.align_height = c.depth_height / factor;
-        if (c.align_width * factor != c.depth_width) continue;
+        c.align_width = c.depth_camera.width / factor;
+        c.align_height = c.depth_camera.height / factor;
+        if (c.align_width * factor != c.depth_camera.width) continue;
         depth_maps maps = maps_of(&c);
         for (int i = 0; i < FATHOM_LEVELS; i++) {
             const kernel_camera *k = &maps.camera[i];
-            double scale = (double)c.depth_width / k->width;
-            assert_true(fabs((k->cx + 0.5) * scale - (c.cx + 0.5)) < 1e-3);
-            assert_true(fabs((k->cy + 0.5) * scale - (c.cy + 0.5)) < 1e-3);
-            assert_true(fabs(k->fx * scale - c.fx) < 1e-3 && fabs(k->fy * scale - c.fy) < 1e-3);
+            double scale = (double)c.depth_camera.width / k->width;
+            assert_true(fabs((k->cx + 0.5) * scale - (c.depth_camera.cx + 0.5)) < 1e-3);
+            assert_true(fabs((k->cy + 0.5) * scale - (c.depth_camera.cy + 0.5)) < 1e-3);
+            assert_true(fabs(k->fx * scale - c.depth_camera.fx) < 1e-3 && fabs(k->fy * scale - c.depth_camera.fy) < 1e-3);
         }
     }
 }
@@ -43,7 +44,8 @@ static void every_level_sees_the_same_field_of_view(void **state) {
 /* Where sigma, base + growth z^2, is two truncations (of four voxels). */
 static void depth_ends_where_noise_is_thicker_than_the_surface(void **state) {
     (void)state;
-    fathom_config c = fathom_config_default();
+    fathom_config c;
+    fathom_config_init(&c);
     c.max_depth_m = 20;
     for (int i = 0; i < 3; i++) {
         c.voxel_m = 0.005f * (float)(1 << i);

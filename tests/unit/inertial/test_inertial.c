@@ -33,7 +33,7 @@ static void begin(void) {
 
 static int setup(void **state) {
     (void)state;
-    config = fathom_config_default();
+    fathom_config_init(&config);
     begin();
     return 0;
 }

@@ -63,7 +63,7 @@ static void begin(inertial *n, unsigned char *memory) {
 
 static int setup(void **state) {
     (void)state;
-    config = fathom_config_default();
+    fathom_config_init(&config);
     config.imu_to_camera_translation[0] = 0.2f;
     config.imu_to_camera_translation[1] = -0.18f;
     config.imu_to_camera_translation[2] = 0.14f;

@@ -45,7 +45,7 @@ static int64_t ns(double seconds) {
 
 static void configure(const struct imu_mounting *m) {
     double r[9], v[3];
-    config = fathom_config_default();
+    fathom_config_init(&config);
     for (int i = 0; i < 3; i++) v[i] = m->rotation_deg[i] / DEGREES;
     rotation_of_vector(v, r);
     for (int i = 0; i < 9; i++) config.imu_to_camera_rotation[i] = (float)r[i];

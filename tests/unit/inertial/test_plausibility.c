@@ -61,7 +61,7 @@ static double run(const scan *s, fault *how) {
     struct camera_path path;
     struct imu_model imu;
     double r[9], v[3], when = INFINITY;
-    config = fathom_config_default();
+    fathom_config_init(&config);
     config.log = keep_warning;
     for (int i = 0; i < 3; i++) v[i] = usual.rotation_deg[i] / DEGREES;
     rotation_of_vector(v, r);

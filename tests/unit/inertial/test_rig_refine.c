@@ -46,7 +46,7 @@ static void configure(const double wrong_deg[3], double wrong_s, bool refine) {
     for (int k = 0; k < 3; k++) v[k] = wrong_deg[k] / DEGREES;
     rotation_of_vector(v, wrong);
     so3_multiply(wrong, r, r);
-    config = fathom_config_default();
+    fathom_config_init(&config);
     config.refine_rig = refine;
     for (int i = 0; i < 9; i++) config.imu_to_camera_rotation[i] = (float)r[i];
     for (int i = 0; i < 3; i++) config.imu_to_camera_translation[i] = (float)usual.translation[i];

@@ -94,7 +94,7 @@ static void the_way_goes_on_and_back(void **state) {
     (void)state;
     store kept = {0};
     fathom_config c = small_pool();
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     c.when_full = FATHOM_FULL_DROP;
     c.block_out = keep;
     c.block_in = give_back;

@@ -30,7 +30,7 @@ typedef struct {
 
 static int open_scene(void **state) {
     scene *s = bench_alloc(sizeof *s);
-    s->config = fathom_config_default();
+    fathom_config_init(&s->config);
     if (kernel_checks_open(&s->d, &s->config, SHAPE_OWN) != FATHOM_OK) return -1;
     if (posix_memalign(&s->memory, ARENA_ALIGNMENT, ARENA_BYTES)) return -1;
     arena a = {s->memory, ARENA_BYTES, 0};

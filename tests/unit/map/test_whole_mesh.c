@@ -230,7 +230,7 @@ static void a_small_pool_gives_the_mesh_of_a_large_one(void **state) {
 static void blocks_that_return_are_in_the_mesh_once(void **state) {
     (void)state;
     struct block_store store;
-    fathom_counters counters;
+    fathom_counters counters = FATHOM_STRUCT(fathom_counters);
     synthetic_context s = start(&store, POOL);
     for (int i = 0; i < 3 * FRAMES - 2; i++) {
         static synthetic_frame f;

@@ -95,7 +95,7 @@ static int render_all(void **state) {
         for (int k = 0; k < SYNTHETIC_PIXELS; k++) f->depth[k] = (uint16_t)lround(depth[k] * SYNTHETIC_UNITS);
         memcpy(p.r, at.rotation, sizeof p.r);
         memcpy(p.t, at.position, sizeof p.t);
-        pose_to_matrix(&p, f->pose);
+        f->pose = pose_give(&p);
         whole.frames[i] = (arriving_frame){frame_time(i), f->timestamp_ns, i, SEEN};
     }
     whole.frame_count = FRAMES;
@@ -399,7 +399,7 @@ static const uint16_t *pixels_of(const arriving_frame *f) {
 }
 
 static void take_sight(fathom *scan, sight *s) {
-    assert_int_equal(fathom_model_maps(scan, &s->view, s->depth, NULL), FATHOM_OK);
+    assert_int_equal(fathom_cast_view(scan, &s->view, s->depth, NULL), FATHOM_OK);
 }
 
 static double part_kept(fathom *scan, const sight *before) {
@@ -428,30 +428,29 @@ static double part_close(fathom *scan) {
 }
 
 static double position_sigma(const fathom_result *r) {
-    return sqrt(fmax(r->covariance[21], fmax(r->covariance[28], r->covariance[35])));
+    return sqrt(fmax(r->pose_covariance[21], fmax(r->pose_covariance[28], r->pose_covariance[35])));
 }
 
 static outcome run(const rig *r, double until) {
     static sight before;
-    outcome o = {.frames = 0};
+    outcome o = {.counters = FATHOM_STRUCT(fathom_counters)};
     fathom_config config = synthetic_config(&rendered[r->frames[0].source]);
     config.voxel_m = 0.03f;
     synthetic_context c = synthetic_start(&config);
-    fathom_result last = {.timestamp_ns = INT64_MIN};
-    before.view = (fathom_view){0};
+    fathom_result last = {.struct_size = sizeof last, .timestamp_ns = INT64_MIN};
+    before.view = FATHOM_STRUCT(fathom_view);
     for (int i = 0, next = 0; i < r->frame_count && r->frames[i].t < until; i++) {
         const arriving_frame *f = &r->frames[i];
         const synthetic_frame *truth = &rendered[f->source];
         for (; next < r->sample_count && r->samples[next].t <= f->t; next++)
             fathom_push_imu(c.scan, &r->samples[next].sample);
-        if (f->t >= FAULT && before.view.width == 0 && i > 0) {
-            before.view = (fathom_view){
-                SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, config.fx, config.fy, config.cx, config.cy, {0}, 0, 0};
-            memcpy(before.view.pose, truth->pose, sizeof before.view.pose);
+        if (f->t >= FAULT && before.view.camera.width == 0 && i > 0) {
+            before.view.camera = config.depth_camera;
+            before.view.pose = truth->pose;
             take_sight(c.scan, &before);
         }
-        fathom_depth_frame frame = {f->stamp_ns, pixels_of(f), SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT};
-        fathom_result result;
+        fathom_depth_frame frame = synthetic_depth(f->stamp_ns, pixels_of(f), SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
+        fathom_result result = FATHOM_STRUCT(fathom_result);
         int e = fathom_step(c.scan, &frame, &result);
         if (f->stamp_ns <= last.timestamp_ns) { /* refused: nothing has changed */
             assert_int_equal(e, FATHOM_ERROR_TIME);
@@ -483,7 +482,7 @@ static outcome run(const rig *r, double until) {
     }
     assert_int_equal(fathom_get_counters(c.scan, &o.counters), FATHOM_OK);
     assert_int_equal(o.counters.frames_ignored, o.refused);
-    o.kept = before.view.width ? part_kept(c.scan, &before) : 1;
+    o.kept = before.view.camera.width ? part_kept(c.scan, &before) : 1;
     o.close = part_close(c.scan);
     synthetic_stop(&c);
     return o;

@@ -41,7 +41,7 @@ static synthetic_context scanned(void) {
 
 /* Carries the camera off until it is lost; that frame has been looked for. */
 static void lose(synthetic_context *s) {
-    fathom_result r = {0};
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     for (int i = 0; i < 60 && r.state != FATHOM_LOST; i++) {
         r = see(s, &room[0]);
         assert_int_not_equal(r.state, FATHOM_TRACKED);
@@ -69,7 +69,7 @@ static void it_is_found_again(void **state) {
     synthetic_context s = scanned();
     lose(&s);
     for (int i = 1; i < AWAY; i++) see(&s, &room[0]);
-    fathom_result r = {0};
+    fathom_result r = FATHOM_STRUCT(fathom_result);
     for (int i = 0; i < RARE && r.state != FATHOM_TRACKED; i++) r = see(&s, &desk[KNOWN - 1]);
     assert_int_equal(r.state, FATHOM_TRACKED);
     assert_true(synthetic_distance(r.pose, desk[KNOWN - 1].pose) < 0.01);

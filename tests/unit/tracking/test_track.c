@@ -45,24 +45,25 @@ static void scan_wall(const fathom_config *c) {
     s = synthetic_start(c);
     f = s.scan;
     for (int i = 0; i < 5; i++) {
-        fathom_result r = {0};
-        depth_maps_make(&f->maps, &f->device, wall.depth, 0);
+        fathom_result r = FATHOM_STRUCT(fathom_result);
+        depth_maps_make(&f->maps, &f->device, wall.depth, 2 * SYNTHETIC_WIDTH, 0);
         fuse(&f->fusing, &f->pose, &r);
     }
 }
 
 static fathom_depth_frame scan_of(const synthetic_frame *frame) {
-    fathom_depth_frame scan = {0};
+    fathom_depth_frame scan = FATHOM_STRUCT(fathom_depth_frame);
     scan.timestamp_ns = frame->timestamp_ns;
     scan.depth = frame->depth;
     scan.width = SYNTHETIC_WIDTH;
     scan.height = SYNTHETIC_HEIGHT;
+    scan.row_stride_bytes = 2 * SYNTHETIC_WIDTH;
     return scan;
 }
 
 static bool align_frame(const synthetic_frame *frame, const align_prior *seed, attempt *icp) {
     fathom_depth_frame scan = scan_of(frame);
-    depth_maps_make(&f->maps, &f->device, frame->depth, 0);
+    depth_maps_make(&f->maps, &f->device, frame->depth, 2 * SYNTHETIC_WIDTH, 0);
     device_wait(&f->device);
     return track(&f->tracker, &scan, seed, icp);
 }
@@ -76,7 +77,7 @@ static align_prior prior_of(const pose *at, const double off[6], double sigma_ra
 
 static pose truth_of(const synthetic_frame *frame) {
     pose p;
-    assert_true(pose_from_matrix(frame->pose, &p));
+    assert_true(pose_take(&frame->pose, &p));
     return p;
 }
 
@@ -291,7 +292,9 @@ static void a_slanted_surface_is_compared_across_itself(void **state) {
     static synthetic_frame slanted;
     fathom_config c = without_imu();
     c.depth_noise_growth_per_m = 0.001f;
-    const kernel_camera k = kernel_camera_of(SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, c.fx, c.fy, c.cx, c.cy);
+    const fathom_pinhole *camera = &c.depth_camera;
+    const kernel_camera k = kernel_camera_of(SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, (float)camera->fx, (float)camera->fy,
+                                             (float)camera->cx, (float)camera->cy);
     const double normal[3] = {sin(1.2), 0, -cos(1.2)};
     slanted = desk[0];
     for (int i = 0; i < SYNTHETIC_PIXELS; i++) {
@@ -301,8 +304,8 @@ static void a_slanted_surface_is_compared_across_itself(void **state) {
     s = synthetic_start(&c);
     f = s.scan;
     for (int i = 0; i < 8; i++) {
-        fathom_result r = {0};
-        depth_maps_make(&f->maps, &f->device, slanted.depth, 0);
+        fathom_result r = FATHOM_STRUCT(fathom_result);
+        depth_maps_make(&f->maps, &f->device, slanted.depth, 2 * SYNTHETIC_WIDTH, 0);
         fuse(&f->fusing, &f->pose, &r);
     }
     for (int far = 0; far < 2; far++) {
@@ -310,7 +313,7 @@ static void a_slanted_surface_is_compared_across_itself(void **state) {
         pose off = pose_identity();
         for (int i = 0; i < 3; i++) off.t[i] = (far ? 0.08 : 0.03) * normal[i];
         pose at = pose_multiply(&f->pose, &off);
-        depth_maps_make(&f->maps, &f->device, slanted.depth, 0);
+        depth_maps_make(&f->maps, &f->device, slanted.depth, 2 * SYNTHETIC_WIDTH, 0);
         model_view_compare(&f->tracker.view, &f->device, &f->maps, &f->raycaster, &at, 0.04f, &found);
         print_message("%.2f m off: %.1f visible, %.1f agree, %.1f through\n", far ? 0.08 : 0.03, (double)found.visible,
                       (double)found.agree, (double)found.through);

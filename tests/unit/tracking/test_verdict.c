@@ -15,7 +15,7 @@ static fathom_config config;
 
 static int setup(void **state) {
     (void)state;
-    config = fathom_config_default();
+    fathom_config_init(&config);
     return 0;
 }
 
@@ -224,10 +224,11 @@ static void a_pose_that_is_not_near_its_seed_is_doubted(void **state) {
 static double part(depth_maps *maps, uint16_t left, uint16_t right) {
     static uint16_t depth[WIDTH * HEIGHT];
     for (int i = 0; i < WIDTH * HEIGHT; i++) depth[i] = i % WIDTH < WIDTH / 2 ? left : right;
-    fathom_depth_frame scan = {0};
+    fathom_depth_frame scan = FATHOM_STRUCT(fathom_depth_frame);
     scan.depth = depth;
     scan.width = WIDTH;
     scan.height = HEIGHT;
+    scan.row_stride_bytes = 2 * WIDTH;
     return valid_part(maps, &scan);
 }
 
@@ -238,8 +239,8 @@ static void depth_that_noise_rules_out_is_not_valid(void **state) {
     device none = {0};
     arena count = {NULL, 0, 0};
     fathom_config c = config;
-    c.depth_width = WIDTH;
-    c.depth_height = HEIGHT;
+    c.depth_camera.width = WIDTH;
+    c.depth_camera.height = HEIGHT;
     c.voxel_m = 0.005f;
     none.config = &c;
     depth_maps_init(&maps, &none, &count, &c);
