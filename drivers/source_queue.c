@@ -27,7 +27,8 @@ static bool make_slots(source_queue *q, int frames, int width, int height, bool 
         slot->depth = calloc(pixels, sizeof *slot->depth);
         if (color) slot->color = calloc(3, pixels);
         if (!slot->depth || (color && !slot->color)) return false;
-        slot->frame.depth = (fathom_depth_frame){.depth = slot->depth, .width = width, .height = height};
+        slot->frame.depth = (fathom_depth_frame){
+            .struct_size = sizeof slot->frame.depth, .width = width, .height = height, .depth = slot->depth};
         slot->frame.color = slot->color;
     }
     return true;
