@@ -8,20 +8,20 @@ set -u
 # ends there, and an option that is refused would end it before.
 settings="--depth-scale=1000 --intrinsics=500,500,300,200 --translation=off --refine-rig=on --against=previous --prior=seed
     --start=previous --iterations=1,2,3 --size=320x240 --preset=tiny --voxel=0.02 --memory=64 --when-full=drop
-    --fuse-behind=on --threads=1 --device=cpu --kernels=k.bin"
+    --fuse-behind=on --threads=1 --device=cpu --kernels=k.bin --set=huber_m=0.01"
 live="--depth=openni2: --imu=none --rig=r --depth-size=320x240 --rate=30 --speed=0 --duration=1 --frames=2 --reconnect=off
     --json --progress --verbose"
 cat >promised <<END
-replay FOLDER --trajectory=t --mesh=m.ply --stats=s.csv --picture=p.png --imu=none --stride=2 --outage=1:2
+replay FOLDER --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o --picture=p.png --imu=none --stride=2 --outage=1:2
     --wall=1:2,3:4 --card=1:2 --progress --verbose $settings
-scan - --trajectory=t --mesh=m.ply --stats=s.csv $live $settings
+scan - --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o $live $settings
 log FOLDER --force $live
 devices - --json --verbose
 simulate room_FOLDER --seed=2 --clean --motion=m --frames=3 --size=320x240 --length=20 --speed=2 --turn=1 --still=0 --blur
     --exposure=0.01 --rolling=0.01 --imu-grade=phone --imu-rate=100 --imu-rotation=1,2,3 --imu-translation=0,0,0
     --imu-clock-offset=-0.1 --threads=1 --force --progress
 calibrate FOLDER --output=- --offset-start=0 --offset-range=1 --imu=i.txt --progress --verbose $settings
-info - --plan --verbose $settings
+info - --plan --settings --markdown --verbose $settings
 kernels FILE --depth=640x480 --verbose $settings
 selftest - --device=cpu --verbose
 END
@@ -68,7 +68,8 @@ wrong '\--clean takes no value' simulate room r --clean=yes
 wrong "'4' is none of on|off" replay r --refine-rig 4
 wrong 'one word too many' simulate room r s
 wrong 'no scene given' simulate
-wrong 'unknown command' play r
+wrong "unknown command 'play'; fathom" play r
+wrong "did you mean replay?" repaly r
 wrong 'no command given'
 wrong 'give the shell' --completion fish
 # Each of these is a later version's, and says so.
