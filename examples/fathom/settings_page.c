@@ -24,7 +24,8 @@ void settings_page_text(void) {
         range = widest(range, s.range_text);
         value = widest(value, s.default_text);
     }
-    printf("%-*s  %-*s  %-*s  %-*s  %s\n", name, "name", unit, "unit", range, "range", value, "default", "meaning");
+    printf("%-*s  %-*s  %-*s  %-*s  %s\n", name, "name", unit, "unit", range, "range", value, "default",
+           "meaning");
     for (int i = 0; fathom_get_setting(i, &s) == FATHOM_OK; i++)
         printf("%-*s  %-*s  %-*s  %-*s  %s\n", name, s.name, unit, or_dash(s.unit), range, s.range_text, value,
                s.default_text, s.meaning);

@@ -38,8 +38,9 @@ static int refuse(const fathom_config *c, const setting_row *row) {
     char value[64], range[96];
     setting_print(row, c, value, sizeof value);
     setting_print_range(row, range, sizeof range);
-    log_write(c, FATHOM_LOG_ERROR, "setting %s is %s%s%s; its range is %s%s%s", row->name, value, *row->unit ? " " : "",
-              row->unit, range, *row->unit ? " " : "", row->unit);
+    const char *space = *row->unit ? " " : "";
+    log_write(c, FATHOM_LOG_ERROR, "setting %s is %s%s%s; its range is %s%s%s", row->name, value, space,
+              row->unit, range, space, row->unit);
     return FATHOM_ERROR_CONFIG;
 }
 
@@ -62,8 +63,9 @@ static int check_together(const fathom_config *c) {
     if (seeded[0] + seeded[1] + seeded[2] < 1) return refuse_all_zero(c, "max_seeded_iterations");
     for (int i = used[c->depth_camera.lens]; i < 8; i++)
         if (k[i] != 0) {
-            log_write(c, FATHOM_LOG_ERROR, "setting depth_camera.coefficients[%d] is %g; depth_camera.lens %d doesn't use it",
-                      i, k[i], c->depth_camera.lens);
+            log_write(c, FATHOM_LOG_ERROR,
+                      "setting depth_camera.coefficients[%d] is %g; depth_camera.lens %d doesn't use it", i, k[i],
+                      c->depth_camera.lens);
             return FATHOM_ERROR_CONFIG;
         }
     pose given;

@@ -1,5 +1,5 @@
-/* The table of settings: every number, word and text of fathom_config is a row. Defaults, checks, the public enumeration,
- * fathom_config_set, the command's help and docs/SETTINGS.md come from it. */
+/* The table of settings: every number, word and text of fathom_config is a row. Defaults, checks, the public
+ * enumeration, fathom_config_set, the command's help and docs/SETTINGS.md come from it. */
 #ifndef FATHOM_API_SETTINGS_TABLE_H
 #define FATHOM_API_SETTINGS_TABLE_H
 

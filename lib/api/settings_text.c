@@ -74,7 +74,8 @@ static bool read_word(const char *words, const char *text, int32_t *value) {
 }
 
 static int set_number(const setting_row *row, fathom_config *config, double value) {
-    if (!setting_allows(row, row->type == FATHOM_SETTING_FLOAT ? (float)value : value)) return FATHOM_ERROR_CONFIG;
+    const double held = row->type == FATHOM_SETTING_FLOAT ? (float)value : value;
+    if (!setting_allows(row, held)) return FATHOM_ERROR_CONFIG;
     setting_store(row, config, value);
     return FATHOM_OK;
 }
@@ -114,7 +115,8 @@ static void print_number(double value, bool single, char text[NUMBER_SIZE]) {
         const double back = strtod(text, NULL);
         if (single ? (float)back == (float)value : back == value) break;
     }
-    if (strchr(text, 'e') && fabs(value) >= 1 && fabs(value) < 1e7) snprintf(text, NUMBER_SIZE, "%.0f", value); /* 300 */
+    if (strchr(text, 'e') && fabs(value) >= 1 && fabs(value) < 1e7) /* 300, not 3e+02 */
+        snprintf(text, NUMBER_SIZE, "%.0f", value);
     char *at = strstr(text, point);
     if (!at) return;
     memmove(at + 1, at + strlen(point), strlen(at + strlen(point)) + 1);

@@ -8,7 +8,7 @@ set -u
 # ends there, and an option that is refused would end it before.
 settings="--depth-scale=1000 --intrinsics=500,500,300,200 --translation=off --refine-rig=on --against=previous --prior=seed
     --start=previous --iterations=1,2,3 --size=320x240 --preset=tiny --voxel=0.02 --memory=64 --when-full=drop
-    --fuse-behind=on --threads=1 --device=cpu --kernels=k.bin"
+    --fuse-behind=on --threads=1 --device=cpu --kernels=k.bin --set=huber_m=0.01"
 live="--depth=openni2: --imu=none --rig=r --depth-size=320x240 --rate=30 --speed=0 --duration=1 --frames=2 --reconnect=off
     --json --progress --verbose"
 cat >promised <<END
@@ -21,7 +21,7 @@ simulate room_FOLDER --seed=2 --clean --motion=m --frames=3 --size=320x240 --len
     --exposure=0.01 --rolling=0.01 --imu-grade=phone --imu-rate=100 --imu-rotation=1,2,3 --imu-translation=0,0,0
     --imu-clock-offset=-0.1 --threads=1 --force --progress
 calibrate FOLDER --output=- --offset-start=0 --offset-range=1 --imu=i.txt --progress --verbose $settings
-info - --plan --verbose $settings
+info - --plan --settings --markdown --verbose $settings
 kernels FILE --depth=640x480 --verbose $settings
 selftest - --device=cpu --verbose
 END

@@ -194,6 +194,6 @@ const struct option_row settings_device[] = {
 
 const struct option_row settings_any[] = {
     {"--set", "NAME=VALUE", OPTION_PARSED, .parse = set_any,
-     .help = "any setting of the library, several times if need be; fathom info --settings lists them: name, unit, range, "
-             "default, meaning. It wins over options, rig.txt and calibration.txt"},
+     .help = "any setting of the library, several times if need be; fathom info --settings lists them. It wins over "
+             "options, rig.txt and calibration.txt"},
     {0}};
