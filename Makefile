@@ -307,7 +307,7 @@ $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
 HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,$(addprefix tests/bench/,heap.c heap_count.c bench_replay.c) \
-             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c set_option.c near_name.c options.c option_values.c help.c cli.c log.c))
+             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c set_option.c near_name.c options.c option_values.c help.c library.c cli.c log.c))
 $(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)
