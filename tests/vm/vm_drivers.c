@@ -91,7 +91,7 @@ static int gather(fathom_source *source, int most, double seconds) {
 static bool reaches(fathom_source *source, fathom_source_state state, double seconds) {
     const int64_t end_ns = monotonic_now_ns() + (int64_t)(seconds * 1e9);
     while (monotonic_now_ns() < end_ns) {
-        if (status_of(source).state == state) return true;
+        if (status_of(source).state == (int32_t)state) return true;
         usleep(10000);
     }
     return false;
