@@ -110,7 +110,7 @@ static int run(const struct command *command, int argc, char **argv) {
     info.settings.config.log_user = &log;
     printf("fathom %s\n", fathom_version());
     print_platforms();
-    fathom_source_driver_info driver;
+    fathom_source_driver_info driver = FATHOM_STRUCT(fathom_source_driver_info);
     for (int i = 0; fathom_source_driver(i, &driver); i++)
         printf("driver: %s (%s): %s\n", driver.name, driver.what, driver.built ? "built in" : "not built");
     return info.plan ? print_plan(&info.settings, &log) : CLI_DONE;

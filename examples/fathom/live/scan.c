@@ -87,17 +87,17 @@ static void push_samples(void *context, const fathom_imu_sample *samples, int co
 
 static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
     fathom_result result = FATHOM_STRUCT(fathom_result);
-    live_rig_push_until(&scan->rig, frame->depth.timestamp_ns);
+    live_rig_push_until(&scan->rig, frame->depth->timestamp_ns);
     const double latency_ms = 1e-6 * (double)(clock_now_ns() - frame->arrival_ns);
     log_clear(&scan->log);
-    const int stepped = fathom_step(scan->context, &frame->depth, &result);
+    const int stepped = fathom_step(scan->context, frame->depth, &result);
     if (stepped == FATHOM_ERROR_TIME || stepped == FATHOM_ERROR_SIZE) {
         cli_warning("frame %" PRId64 " ignored: %s", frame->index, log_reason(&scan->log, stepped));
         return CLI_DONE;
     }
     if (stepped < 0)
         return cli_error(CLI_FAILED, "frame %" PRId64 ": %s", frame->index, log_reason(&scan->log, stepped));
-    scan->last_ns = frame->depth.timestamp_ns;
+    scan->last_ns = frame->depth->timestamp_ns;
     if (!trajectory_add(&scan->trajectory, result.timestamp_ns, &result.pose)) scan->write_failed = true;
     if (!stats_add(&scan->stats, &result)) scan->write_failed = true;
     scan_report_frame(&scan->report, &scan->rig, &result, latency_ms);
@@ -122,7 +122,7 @@ static int take_frames(struct scan *scan) {
     const double duration = scan->live.duration;
     scan->end_ns = duration > 0 ? clock_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
     while (!status && !is_over(scan)) {
-        fathom_source_frame frame;
+        fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
         waited = fathom_source_wait(scan->rig.depth, SLICE_MS);
         rig_watch_glance(&scan->report.watch, &scan->rig);
         if (waited == FATHOM_ERROR_TIMEOUT)

@@ -11,7 +11,7 @@ static int status_of(int error) {
 
 int playback_open(fathom_recording **out, const char *folder, const char *imu_file,
                   const struct settings *settings, struct cli_log *log) {
-    fathom_recording_options how = {.imu_file = imu_file,
+    fathom_recording_options how = {.struct_size = sizeof how, .imu_file = imu_file,
                                     .depth_units_per_metre = settings->depth_scale,
                                     .log = log_message,
                                     .log_user = log};
