@@ -46,6 +46,7 @@ DRIVERS_WITH = $(foreach w,OPENNI2 HIDAPI LIBUSB LIBIIO UDP,-DFATHOM_WITH_$(w)=$
 DRIVERS_OBJ = $(patsubst %,$(BUILD)/%.o,$(filter-out $(DRIVERS_OUT),$(call sources_in,drivers)))
 CLI_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,examples/fathom examples/simulate examples/calibrate))
 LIB_SO      = $(BUILD)/libfathom.so.$(VERSION)
+DRIVERS_SO  = $(BUILD)/libfathom-drivers.so.$(VERSION)
 DRIVERS_A   = $(BUILD)/libfathom-drivers.a
 LIB_LIBS    = -lOpenCL -lpthread -lm
 DRIVERS_PACKAGES = libpng $(if $(filter 1,$(WITH_OPENNI2)),libopenni2) $(if $(filter 1,$(WITH_HIDAPI)),hidapi-hidraw) \
@@ -61,7 +62,7 @@ say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 .PHONY: all deps demo check bench bench-scale instructions reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
-all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(DRIVERS_A) $(BUILD)/fathom $(BUILD)/minimal
+all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(BUILD)/libfathom-drivers.so $(DRIVERS_A) $(BUILD)/fathom $(BUILD)/minimal
 
 .PHONY: deps-check
 deps-check:
@@ -109,6 +110,16 @@ $(BUILD)/libfathom.so: $(LIB_SO)
 	$(Q)ln -sf libfathom.so.$(VERSION) $(BUILD)/libfathom.so.$(VERSION_MAJOR)
 	$(Q)ln -sf libfathom.so.$(VERSION_MAJOR) $@
 
+# The drivers' own: it needs nothing of libfathom.so.
+$(DRIVERS_SO): $(DRIVERS_OBJ)
+	$(call say,LD)
+	$(Q)$(CC) -shared -Wl,-soname,libfathom-drivers.so.$(VERSION_MAJOR).$(VERSION_MINOR) -Wl,--no-undefined -o $@ $^ $(ALL_LDFLAGS) $(DRIVERS_LIBS)
+
+$(BUILD)/libfathom-drivers.so: $(DRIVERS_SO)
+	$(call say,LN)
+	$(Q)ln -sf libfathom-drivers.so.$(VERSION) $(BUILD)/libfathom-drivers.so.$(VERSION_MAJOR).$(VERSION_MINOR)
+	$(Q)ln -sf libfathom-drivers.so.$(VERSION_MAJOR).$(VERSION_MINOR) $@
+
 # An archive holds one object in which all hidden names are local, so that a caller's own step() or align() is neither
 # taken for the library's nor in its way.
 $(BUILD)/libfathom.a: $(LIB_OBJ)
@@ -133,7 +144,7 @@ $(BUILD)/minimal: $(BUILD)/examples/minimal.c.o $(BUILD)/libfathom.a
 # ---- house ----------------------------------------------------------------------------------------------------------
 
 help:
-	@echo "make            build/fathom (the command), build/libfathom.so, .a, build/libfathom-drivers.a"
+	@echo "make            build/fathom (the command), build/libfathom.so, .a, build/libfathom-drivers.so, .a"
 	@echo "make deps       install the Debian packages that are missing"
 	@echo "make demo       simulate a bare wall, scan it with and without the IMU; results in out/demo"
 	@echo "make check      all tests; ends with 'N passed, N failed'"
@@ -196,6 +207,9 @@ install: all
 	install -m 755 $(LIB_SO) $(DESTDIR)$(PREFIX)/lib/
 	ln -sf libfathom.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/libfathom.so.$(VERSION_MAJOR)
 	ln -sf libfathom.so.$(VERSION_MAJOR) $(DESTDIR)$(PREFIX)/lib/libfathom.so
+	install -m 755 $(DRIVERS_SO) $(DESTDIR)$(PREFIX)/lib/
+	ln -sf libfathom-drivers.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.so.$(VERSION_MAJOR).$(VERSION_MINOR)
+	ln -sf libfathom-drivers.so.$(VERSION_MAJOR).$(VERSION_MINOR) $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.so
 	install -m 644 $(BUILD)/libfathom.a $(DRIVERS_A) $(DESTDIR)$(PREFIX)/lib/
 	install -m 644 lib/fathom.h drivers/fathom_drivers.h $(DESTDIR)$(PREFIX)/include/
 	install -m 755 $(BUILD)/fathom $(DESTDIR)$(PREFIX)/bin/
@@ -209,7 +223,7 @@ install: all
 	install -m 644 drivers/udev/*.rules $(DESTDIR)$(UDEV)/
 
 uninstall:
-	rm -f $(DESTDIR)$(PREFIX)/lib/libfathom.so* $(DESTDIR)$(PREFIX)/lib/libfathom.a $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.a
+	rm -f $(DESTDIR)$(PREFIX)/lib/libfathom.so* $(DESTDIR)$(PREFIX)/lib/libfathom.a $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.so* $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.a
 	rm -f $(DESTDIR)$(PREFIX)/include/fathom.h $(DESTDIR)$(PREFIX)/include/fathom_drivers.h
 	rm -f $(DESTDIR)$(PREFIX)/bin/fathom $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom.pc $(DESTDIR)$(PREFIX)/lib/pkgconfig/fathom-drivers.pc
 	rm -f $(DESTDIR)$(PREFIX)/share/man/man1/fathom.1 $(DESTDIR)$(PREFIX)/share/bash-completion/completions/fathom
@@ -300,7 +314,7 @@ $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
 HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,$(addprefix tests/bench/,heap.c heap_count.c bench_replay.c) \
-             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c set_option.c near_name.c options.c option_values.c help.c cli.c log.c))
+             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c set_option.c near_name.c options.c option_values.c help.c library.c cli.c log.c))
 $(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "caller_config.h"
 #include "source_log.h"
 
 /* ---- the table ---- */
@@ -68,16 +69,18 @@ static const char *row_names(char *text, size_t size) {
 }
 
 bool fathom_source_driver(int index, fathom_source_driver_info *info) {
-    if (index < 0 || index >= (int)ROWS || !info) return false;
-    *info = (fathom_source_driver_info){
+    const size_t given = sized_of(info);
+    if (index < 0 || index >= (int)ROWS || !given) return false;
+    const fathom_source_driver_info whole = {
         .name = rows[index].name, .what = rows[index].what, .built = rows[index].driver != NULL};
+    sized_out(info, given, &whole, sizeof whole);
     return true;
 }
 
 /* ---- names ---- */
 
-const char *fathom_source_state_name(fathom_source_state state) {
-    switch (state) {
+const char *fathom_source_state_name(int32_t state) {
+    switch ((fathom_source_state)state) {
     case FATHOM_SOURCE_STOPPED: return "stopped";
     case FATHOM_SOURCE_RUNNING: return "running";
     case FATHOM_SOURCE_STALLED: return "stalled";
@@ -90,7 +93,7 @@ const char *fathom_source_state_name(fathom_source_state state) {
 /* ---- enumerating ---- */
 
 static int say_not_built(const struct row *row, fathom_source_found found, void *user) {
-    fathom_source_info info = {.driver = row->name, .error = FATHOM_ERROR_NOT_BUILT};
+    fathom_source_info info = {.struct_size = sizeof info, .driver = row->name, .error = FATHOM_ERROR_NOT_BUILT};
     snprintf(info.name, sizeof info.name, "%s", row->what);
     snprintf(info.problem, sizeof info.problem, "not built into this library; to build it: make with %s",
              row->built_by);
@@ -154,8 +157,9 @@ static bool is_folder(const char *path) {
 
 int fathom_source_open(fathom_source **source, const char *uri, const fathom_source_options *options) {
     char names[128];
-    fathom_source_options checked = options ? *options : (fathom_source_options){0};
+    fathom_source_options checked = FATHOM_STRUCT(fathom_source_options);
     if (source) *source = NULL;
+    if (options && !sized_in(&checked, sizeof checked, options)) return FATHOM_ERROR_ARGUMENT;
     if (!source || !uri)
         return source_fail(&checked, FATHOM_ERROR_ARGUMENT, "fathom_source_open: NULL argument");
     const int wrong = check_options(&checked);
@@ -210,8 +214,13 @@ void fathom_source_cancel(fathom_source *source) {
 }
 
 int fathom_source_read_depth(fathom_source *source, fathom_source_frame *frame) {
-    if (!source || !frame) return FATHOM_ERROR_ARGUMENT;
-    return source->does->read_depth ? source->does->read_depth(source, frame) : FATHOM_ERROR_UNSUPPORTED;
+    const size_t given = sized_of(frame);
+    if (!source || !given) return FATHOM_ERROR_ARGUMENT;
+    if (!source->does->read_depth) return FATHOM_ERROR_UNSUPPORTED;
+    fathom_source_frame whole;
+    const int result = source->does->read_depth(source, &whole);
+    if (!result) sized_out(frame, given, &whole, sizeof whole);
+    return result;
 }
 
 int fathom_source_read_imu(fathom_source *source, fathom_imu_sample *samples, int capacity) {
@@ -221,21 +230,29 @@ int fathom_source_read_imu(fathom_source *source, fathom_imu_sample *samples, in
 }
 
 int fathom_source_get_status(fathom_source *source, fathom_source_status *status) {
-    if (!source || !status) return FATHOM_ERROR_ARGUMENT;
-    *status = (fathom_source_status){0};
-    return source->does->status(source, status);
+    const size_t given = sized_of(status);
+    if (!source || !given) return FATHOM_ERROR_ARGUMENT;
+    fathom_source_status whole = FATHOM_STRUCT(fathom_source_status);
+    const int result = source->does->status(source, &whole);
+    sized_out(status, given, &whole, sizeof whole);
+    return result;
 }
 
-void fathom_source_configure(fathom_source *source, fathom_config *config) {
-    fathom_source_status status = {0};
-    if (!source || !config) return;
+int fathom_source_configure(fathom_source *source, fathom_config *config) {
+    fathom_config whole;
+    const size_t common = caller_config_take(&whole, config);
+    if (!source || !common) return FATHOM_ERROR_ARGUMENT;
     if (source->does->configure) {
-        source->does->configure(source, config);
-        return;
+        source->does->configure(source, &whole);
+    } else {
+        fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
+        const int result = source->does->status(source, &status);
+        if (result || status.width == 0) return result;
+        const double *k = status.intrinsics;
+        whole.depth_camera = (fathom_pinhole){
+            .width = status.width, .height = status.height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
+        whole.depth_units_per_metre = (float)status.depth_units_per_metre;
     }
-    if (source->does->status(source, &status) || status.width == 0) return;
-    const double *k = status.intrinsics;
-    config->depth_camera = (fathom_pinhole){
-        .width = status.width, .height = status.height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
-    config->depth_units_per_metre = (float)status.depth_units_per_metre;
+    caller_config_give(config, common, &whole);
+    return FATHOM_OK;
 }

@@ -27,7 +27,12 @@ static bool make_slots(source_queue *q, int frames, int width, int height, bool 
         slot->depth = calloc(pixels, sizeof *slot->depth);
         if (color) slot->color = calloc(3, pixels);
         if (!slot->depth || (color && !slot->color)) return false;
-        slot->frame.depth = (fathom_depth_frame){.depth = slot->depth, .width = width, .height = height};
+        slot->about = FATHOM_STRUCT(fathom_depth_frame);
+        slot->about.depth = slot->depth;
+        slot->about.width = width;
+        slot->about.height = height;
+        slot->frame = FATHOM_STRUCT(fathom_source_frame);
+        slot->frame.depth = &slot->about;
         slot->frame.color = slot->color;
     }
     return true;

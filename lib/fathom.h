@@ -105,6 +105,7 @@ typedef enum {
     FATHOM_ERROR_FULL = -10,       /* a ring is full; what was pushed is dropped and counted */
     FATHOM_ERROR_NAME = -11,       /* there is no setting of that name */
     FATHOM_ERROR_VALUE = -12,      /* the text is not a value of the setting's type */
+    FATHOM_ERROR_WRITE = -13,      /* a file or a folder can't be written: a full disk, no permission; the text says which and why */
     FATHOM_ERROR_TIMEOUT = -20,    /* nothing arrived in time; the source goes on */
     FATHOM_ERROR_CANCELLED = -21,  /* fathom_source_cancel was called; the next wait works again */
     FATHOM_ERROR_ENDED = -22,      /* a recording has no more; everything was read */

@@ -69,7 +69,7 @@ static source_slot *fill_slot(openni2_source *s, const OniFrame *frame, int64_t 
     const int64_t device_ns = (int64_t)frame->timestamp * 1000;
     openni2_copy_depth(frame, s->device.mirrored, slot->depth);
     slot->frame.color = color_for(s, device_ns, slot->color);
-    slot->frame.depth.timestamp_ns = stamp_of(s, device_ns, arrival_ns);
+    slot->about.timestamp_ns = stamp_of(s, device_ns, arrival_ns);
     slot->frame.device_ns = device_ns;
     slot->frame.arrival_ns = arrival_ns;
     slot->frame.index = frame->frameIndex;

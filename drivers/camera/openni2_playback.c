@@ -61,7 +61,7 @@ static void *feed(void *user) {
         if (last > 0 && number > last + 1) source_queue_count_lost(&s->queue, number - last - 1);
         last = number;
         read++;
-        slot->frame.depth.timestamp_ns = slot->frame.device_ns = stamp_ns;
+        slot->about.timestamp_ns = slot->frame.device_ns = stamp_ns;
         slot->frame.index = number;
         if (!wait_for_turn(s, stamp_ns - first_ns, start_ns)) return NULL;
         slot->frame.arrival_ns = monotonic_now_ns();

@@ -84,7 +84,7 @@ static int report_usb(fathom_source_found found, void *user, const openni2_devic
     const int plugged = openni2_usb_list("", cameras, MOST_DEVICES);
     int seen = 0;
     for (int i = 0; i < plugged; i++) {
-        fathom_source_info info = {.driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
+        fathom_source_info info = {.struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
         if (lists_usb(devices, count, &cameras[i])) continue;
         snprintf(info.name, sizeof info.name, "%s (%04x:%04x)", cameras[i].name, (unsigned)cameras[i].vendor,
                  (unsigned)cameras[i].product);
@@ -99,7 +99,7 @@ static int report_devices(fathom_source_found found, void *user) {
     openni2_device devices[MOST_DEVICES];
     const int count = list_devices(devices, MOST_DEVICES);
     for (int i = 0; i < count; i++) {
-        fathom_source_info info = {.driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
+        fathom_source_info info = {.struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
         snprintf(info.name, sizeof info.name, "%s", devices[i].name);
         info.error = probe(&devices[i], info.problem, sizeof info.problem);
         snprintf(info.uri, sizeof info.uri, "openni2:%.200s", devices[i].uri);
@@ -111,7 +111,7 @@ static int report_devices(fathom_source_found found, void *user) {
 }
 
 static int openni2_enumerate(fathom_source_found found, void *user, fathom_log log, void *log_user) {
-    fathom_source_info info = {.driver = "openni2", .name = "OpenNI2"};
+    fathom_source_info info = {.struct_size = sizeof info, .driver = "openni2", .name = "OpenNI2"};
     (void)log, (void)log_user;
     info.error = openni2_hold(info.problem, sizeof info.problem);
     if (info.error) return found(user, &info) ? FATHOM_ERROR_STOPPED : 0;
@@ -137,8 +137,8 @@ static int openni2_start(fathom_source *source) {
     char why[320];
     int result = FATHOM_OK;
     if (!d->device) result = openni2_device_open(d, &s->wish, why, sizeof why);
-    if (!result && (d->mode.resolutionX != s->queue.slots[0].frame.depth.width ||
-                    d->mode.resolutionY != s->queue.slots[0].frame.depth.height)) {
+    if (!result && (d->mode.resolutionX != s->queue.slots[0].about.width ||
+                    d->mode.resolutionY != s->queue.slots[0].about.height)) {
         snprintf(why, sizeof why, "it has another size now");
         result = FATHOM_ERROR_SIZE;
     }
@@ -185,8 +185,8 @@ static int openni2_status(fathom_source *source, fathom_source_status *status) {
     status->kinds = FATHOM_SOURCE_DEPTH | (s->color ? FATHOM_SOURCE_COLOR : 0);
     snprintf(status->name, sizeof status->name, "%s", s->name);
     snprintf(status->serial, sizeof status->serial, "%s", s->serial);
-    status->width = s->queue.slots[0].frame.depth.width;
-    status->height = s->queue.slots[0].frame.depth.height;
+    status->width = s->queue.slots[0].about.width;
+    status->height = s->queue.slots[0].about.height;
     for (int i = 0; i < 4; i++) status->intrinsics[i] = s->intrinsics[i];
     status->depth_units_per_metre = s->units_per_metre;
     return FATHOM_OK;

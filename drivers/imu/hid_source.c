@@ -82,7 +82,7 @@ static int try_access(const char *path, char *problem, size_t size) {
 }
 
 static int tell(const hid_node *node, const hid_kind *kind, fathom_source_found found, void *user) {
-    fathom_source_info info = {.driver = "hid", .kinds = FATHOM_SOURCE_IMU};
+    fathom_source_info info = {.struct_size = sizeof info, .driver = "hid", .kinds = FATHOM_SOURCE_IMU};
     name_of(node, kind, info.name, sizeof info.name);
     snprintf(info.serial, sizeof info.serial, "%s", node->serial);
     if (*info.serial)
@@ -103,7 +103,7 @@ static int tell_hub(fathom_source_found found, void *user, int *devices) {
         char node[300];
         snprintf(node, sizeof node, SENSOR_HUB "/%s/hidraw", entry->d_name);
         if (access(node, F_OK) == 0) continue;
-        fathom_source_info info = {.driver = "hid", .kinds = FATHOM_SOURCE_IMU, .error = FATHOM_ERROR_BUSY};
+        fathom_source_info info = {.struct_size = sizeof info, .driver = "hid", .kinds = FATHOM_SOURCE_IMU, .error = FATHOM_ERROR_BUSY};
         snprintf(info.uri, sizeof info.uri, "hid:%04x:%04x", vendor, product);
         snprintf(info.name, sizeof info.name, "HID sensor %04x:%04x", vendor, product);
         snprintf(

@@ -90,7 +90,7 @@ static int iio_enumerate(fathom_source_found found, void *user, fathom_log log, 
         const struct iio_device *device = iio_context_get_device(context, i);
         const bool gyro = has(device, GYRO), accel = has(device, ACCEL);
         if (!gyro && !accel) continue;
-        fathom_source_info info = {.driver = "iio", .kinds = FATHOM_SOURCE_IMU};
+        fathom_source_info info = {.struct_size = sizeof info, .driver = "iio", .kinds = FATHOM_SOURCE_IMU};
         snprintf(info.uri, sizeof info.uri, "iio:%s", iio_device_get_id(device));
         snprintf(info.name, sizeof info.name, "%.60s: %s", label(device),
                  gyro && accel ? "gyroscope and accelerometer"

@@ -155,7 +155,7 @@ void imu_source_describe(imu_source *source, const char *name, const char *seria
 
 int imu_source_sees_none(const char *driver, const char *name, const char *problem, fathom_source_found found,
                          void *user) {
-    fathom_source_info info = {.driver = driver, .error = FATHOM_ERROR_NO_DEVICE};
+    fathom_source_info info = {.struct_size = sizeof info, .driver = driver, .error = FATHOM_ERROR_NO_DEVICE};
     snprintf(info.name, sizeof info.name, "%s", name);
     snprintf(info.problem, sizeof info.problem, "%s", problem);
     return found(user, &info);

@@ -279,7 +279,7 @@ static const imu_device device = {.open = open_socket, .begin = begin, .poll = p
 static int udp_enumerate(fathom_source_found found, void *user, fathom_log log, void *log_user) {
     (void)log;
     (void)log_user;
-    fathom_source_info info = {.driver = "udp"};
+    fathom_source_info info = {.struct_size = sizeof info, .driver = "udp"};
     struct ifaddrs *list = NULL;
     snprintf(info.name, sizeof info.name, "a phone's inertial sensors");
     snprintf(info.problem, sizeof info.problem,

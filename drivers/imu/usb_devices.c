@@ -69,7 +69,7 @@ int usb_enumerate(fathom_source_found found, void *user, fathom_log log, void *l
         struct libusb_device_descriptor d;
         usb_kind kind;
         if (libusb_get_device_descriptor(list[i], &d) || !usb_recognise(&d, &kind)) continue;
-        fathom_source_info info = {.driver = "usb", .kinds = FATHOM_SOURCE_IMU};
+        fathom_source_info info = {.struct_size = sizeof info, .driver = "usb", .kinds = FATHOM_SOURCE_IMU};
         libusb_device_handle *handle;
         snprintf(info.name, sizeof info.name, "%s", usb_kind_name(kind));
         usb_place(list[i], place, sizeof place);

@@ -55,7 +55,7 @@ static bool feed_frame(folder_source *s, int index, int *next) {
     if (!good) source_queue_count_malformed(&s->queue, 1);
     if (!feed_samples(s, next, stamp_ns) || !wait_for(s, stamp_ns, true)) return false;
     if (!good) return true;
-    slot->frame.depth.timestamp_ns = stamp_ns;
+    slot->about.timestamp_ns = stamp_ns;
     slot->frame.device_ns = stamp_ns;
     slot->frame.index = index;
     slot->frame.arrival_ns = monotonic_now_ns();
@@ -190,7 +190,7 @@ static int folder_open(fathom_source **source, const char *address, const fathom
     folder_source *s = calloc(1, sizeof *s);
     if (!s) return FATHOM_ERROR_MEMORY;
     s->base = (fathom_source){.does = &folder_operations, .options = *options};
-    const fathom_recording_options how = {.log = relay, .log_user = s};
+    const fathom_recording_options how = {.struct_size = sizeof how, .log = relay, .log_user = s};
     int result = fathom_recording_open(&s->recording, address, &how);
     if (!result) result = find_kinds(s, address);
     if (!result)
@@ -209,7 +209,7 @@ static int folder_open(fathom_source **source, const char *address, const fathom
 
 static int folder_enumerate(fathom_source_found found, void *user, fathom_log log, void *log_user) {
     (void)log, (void)log_user;
-    const fathom_source_info info = {.driver = "folder",
+    const fathom_source_info info = {.struct_size = sizeof info, .driver = "folder",
                                      .uri = "folder:PATH",
                                      .name = "recording folders",
                                      .problem = "a folder's path opens it: folder:PATH, or PATH alone"};

@@ -133,35 +133,40 @@ int image_read_size(const char *path, int *width, int *height, char *error, size
 
 /* ---- Writing ---- */
 
-struct picture {
-    const uint16_t *pixels;
-    int width, height;
-};
+/* PNG's rows hold 16 bits high byte first. */
+static void put_row(const image_pixels *picture, int y, png_bytep out) {
+    const size_t w = (size_t)picture->width, tight = w * (picture->rgb ? 3 : 2);
+    const uint8_t *row = (const uint8_t *)picture->pixels + (size_t)y * (picture->stride_bytes ? picture->stride_bytes : tight);
+    if (picture->rgb) {
+        memcpy(out, row, tight);
+        return;
+    }
+    const uint16_t *in = (const uint16_t *)(const void *)row;
+    for (size_t x = 0; x < w; x++) {
+        out[2 * x] = (png_byte)(in[x] >> 8);
+        out[2 * x + 1] = (png_byte)(in[x] & 255);
+    }
+}
 
-static int write_rows(struct png_job *job, const struct picture *picture) {
-    const size_t w = (size_t)picture->width;
+static int write_rows(struct png_job *job, const image_pixels *picture) {
     if (setjmp(png_jmpbuf(job->png))) return -1;
     png_init_io(job->png, job->file);
-    png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height, 16,
-                 PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height,
+                 picture->rgb ? 8 : 16, picture->rgb ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     /* Level 1 with the one filter that suits smooth depth: libpng's own choice of filters costs five times as
      * long for files that are a few per cent smaller. */
     png_set_compression_level(job->png, 1);
     png_set_filter(job->png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
     png_write_info(job->png, job->info);
     for (int y = 0; y < picture->height; y++) {
-        const uint16_t *in = picture->pixels + (size_t)y * w;
-        for (size_t x = 0; x < w; x++) {
-            job->row[2 * x] = (png_byte)(in[x] >> 8);
-            job->row[2 * x + 1] = (png_byte)(in[x] & 255);
-        }
+        put_row(picture, y, job->row);
         png_write_row(job->png, job->row);
     }
     png_write_end(job->png, NULL);
     return 0;
 }
 
-static int write_picture(const char *path, const struct picture *picture, char *error, size_t error_size) {
+int image_write(const char *path, const image_pixels *picture, char *error, size_t error_size) {
     struct png_job job = {.path = path, .error = error, .error_size = error_size};
     if (picture->width < 1 || picture->height < 1 || picture->width > LARGEST_SIDE ||
         picture->height > LARGEST_SIDE)
@@ -180,7 +185,7 @@ static int write_picture(const char *path, const struct picture *picture, char *
         free(part);
         return -1;
     }
-    job.row = malloc((size_t)picture->width * 2);
+    job.row = malloc((size_t)picture->width * 3);
     job.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &job, on_error, on_warning);
     if (job.png) job.info = png_create_info_struct(job.png);
     if (job.row && job.info)
@@ -206,6 +211,6 @@ static int write_picture(const char *path, const struct picture *picture, char *
 
 int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error,
                        size_t error_size) {
-    const struct picture picture = {pixels, width, height};
-    return write_picture(path, &picture, error, error_size);
+    const image_pixels picture = {.pixels = pixels, .width = width, .height = height};
+    return image_write(path, &picture, error, error_size);
 }

@@ -1,7 +1,8 @@
-/* 16-bit depth pictures in PNG files, by libpng. Internal to drivers/ and examples/. */
+/* 16-bit depth and 8-bit colour pictures in PNG files, by libpng. Internal to drivers/ and examples/. */
 #ifndef FATHOM_IMAGE_FILE_H
 #define FATHOM_IMAGE_FILE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -14,7 +15,18 @@ int image_read_gray16(const char *path, uint16_t *pixels, size_t capacity, int *
 /* Reads only the size. */
 int image_read_size(const char *path, int *width, int *height, char *error, size_t error_size);
 
-/* Writes width x height pixels; the file appears whole or not at all (written beside its place, then renamed). */
+/* A picture to write. */
+typedef struct {
+    const void *pixels; /* uint16_t, or three bytes (R, G, B) per pixel */
+    int width, height;
+    size_t stride_bytes; /* from row to row; 0: tight */
+    bool rgb;
+} image_pixels;
+
+/* Writes a picture; the file appears whole or not at all (written beside its place, then renamed). */
+int image_write(const char *path, const image_pixels *picture, char *error, size_t error_size);
+
+/* The same of tight rows of depth. */
 int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error,
                        size_t error_size);
 

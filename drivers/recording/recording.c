@@ -1,4 +1,5 @@
 /* Recording folders in the TUM RGB-D / ETH3D SLAM layout: opening, settings, frames. */
+#include "caller_config.h"
 #include "recording/recording_internal.h"
 #include "recording/image_file.h"
 
@@ -89,6 +90,7 @@ static int with_folder(struct recording **out, const char *folder, fathom_log lo
         free(recording);
         return FATHOM_ERROR_MEMORY;
     }
+    recording->shown.struct_size = sizeof recording->shown;
     recording->shown.folder = recording->folder;
     recording->log = log;
     recording->log_user = log_user;
@@ -112,13 +114,31 @@ static int with_folder(struct recording **out, const char *folder, fathom_log lo
 
 int fathom_recording_open(fathom_recording **out, const char *folder,
                           const fathom_recording_options *options) {
-    static const fathom_recording_options none = {0};
+    fathom_recording_options whole = FATHOM_STRUCT(fathom_recording_options);
     struct recording *recording;
-    if (!options) options = &none;
-    if (!out || !folder) return FATHOM_ERROR_ARGUMENT;
-    const int result = with_folder(&recording, folder, options->log, options->log_user, read_all, options);
+    if (out) *out = NULL;
+    if (!out || !folder || (options && !sized_in(&whole, sizeof whole, options))) return FATHOM_ERROR_ARGUMENT;
+    const int result = with_folder(&recording, folder, whole.log, whole.log_user, read_all, &whole);
     *out = result ? NULL : &recording->shown;
     return result;
+}
+
+static void configure(const fathom_recording *recording, fathom_config *config) {
+    const double *k = recording->intrinsics;
+    fathom_pinhole camera = {
+        .width = recording->width, .height = recording->height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
+    for (int i = 0; i < 5; i++) {
+        camera.coefficients[i] = recording->distortion[i];
+        if (recording->distortion[i] != 0) camera.lens = FATHOM_LENS_FIVE;
+    }
+    config->depth_camera = camera;
+    config->depth_units_per_metre = (float)recording->depth_units_per_metre;
+    for (int i = 0; i < 9; i++)
+        config->imu_to_camera_rotation[i] = (float)recording->imu_to_camera_rotation[i];
+    for (int i = 0; i < 3; i++)
+        config->imu_to_camera_translation[i] = (float)recording->imu_to_camera_translation[i];
+    config->imu_clock_offset_ns = recording->imu_clock_offset_ns;
+    if (recording->gravity > 0) config->gravity_m_s2 = (float)recording->gravity;
 }
 
 /* ---- a folder that only describes a rig ---- */
@@ -146,12 +166,15 @@ static int read_description(struct recording *recording, const void *user) {
 
 int fathom_rig_configure(const char *folder, fathom_config *config, fathom_log log, void *log_user) {
     struct recording *recording;
-    if (!folder || !config) return FATHOM_ERROR_ARGUMENT;
-    const int result = with_folder(&recording, folder, log, log_user, read_description, config);
+    fathom_config whole;
+    const size_t common = caller_config_take(&whole, config);
+    if (!folder || !common) return FATHOM_ERROR_ARGUMENT;
+    const int result = with_folder(&recording, folder, log, log_user, read_description, &whole);
     if (result) return result;
-    const fathom_pinhole camera = config->depth_camera;
-    fathom_recording_configure(&recording->shown, config);
-    if (!recording->has_calibration) config->depth_camera = camera;
+    const fathom_pinhole camera = whole.depth_camera;
+    configure(&recording->shown, &whole);
+    if (!recording->has_calibration) whole.depth_camera = camera;
+    caller_config_give(config, common, &whole);
     fathom_recording_close(&recording->shown);
     return FATHOM_OK;
 }
@@ -167,22 +190,13 @@ void fathom_recording_close(fathom_recording *shown) {
     free(recording);
 }
 
-void fathom_recording_configure(const fathom_recording *recording, fathom_config *config) {
-    const double *k = recording->intrinsics;
-    fathom_pinhole camera = {
-        .width = recording->width, .height = recording->height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
-    for (int i = 0; i < 5; i++) {
-        camera.coefficients[i] = recording->distortion[i];
-        if (recording->distortion[i] != 0) camera.lens = FATHOM_LENS_FIVE;
-    }
-    config->depth_camera = camera;
-    config->depth_units_per_metre = (float)recording->depth_units_per_metre;
-    for (int i = 0; i < 9; i++)
-        config->imu_to_camera_rotation[i] = (float)recording->imu_to_camera_rotation[i];
-    for (int i = 0; i < 3; i++)
-        config->imu_to_camera_translation[i] = (float)recording->imu_to_camera_translation[i];
-    config->imu_clock_offset_ns = recording->imu_clock_offset_ns;
-    if (recording->gravity > 0) config->gravity_m_s2 = (float)recording->gravity;
+int fathom_recording_configure(const fathom_recording *recording, fathom_config *config) {
+    fathom_config whole;
+    const size_t common = caller_config_take(&whole, config);
+    if (!recording || !common) return FATHOM_ERROR_ARGUMENT;
+    configure(recording, &whole);
+    caller_config_give(config, common, &whole);
+    return FATHOM_OK;
 }
 
 int fathom_recording_read_depth(const fathom_recording *shown, int index, uint16_t *pixels) {

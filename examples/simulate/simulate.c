@@ -8,12 +8,15 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "fathom/recording_writer.h"
+#include "fathom/shell/log.h"
+#include "fathom_drivers.h"
+#include "simulate/imu_model.h"
 #include "simulate/sensor_noise.h"
 #include "simulate/simulate_options.h"
 
 #define FRAME_RATE 30.0
 #define FAR_M 13.0 /* just below what 16 bits hold */
+#define DEPTH_SCALE 5000 /* units per metre: steps of 0.2 mm, 13.1 m at most */
 
 /* ---- The run ---- */
 
@@ -22,7 +25,8 @@ struct run {
     struct scene scene;
     struct camera_path path;
     struct render_camera camera;
-    struct recording_writer writer;
+    fathom_sink *sink;
+    struct cli_log log;
     char header[1024];
     double start; /* time of the first frame */
     long frames;
@@ -92,7 +96,7 @@ static void add_motion(struct run *run, const struct camera_pose *before, const 
 
 static void to_units(const float *depth, size_t pixels, uint16_t *units) {
     for (size_t i = 0; i < pixels; i++) {
-        const float value = depth[i] * RECORDING_DEPTH_SCALE + 0.5f;
+        const float value = depth[i] * DEPTH_SCALE + 0.5f;
         units[i] = value < 65535.0f ? (uint16_t)value : 0; /* 65535 is invalid, like 0 */
     }
 }
@@ -125,6 +129,30 @@ static bool take_picture(const struct run *run, long frame, double t, const stru
     return true;
 }
 
+/* With the error's text, where there is one. */
+static int status_of(const struct run *run, int result) {
+    return result ? cli_error(CLI_FAILED, "%s", log_reason(&run->log, result)) : CLI_DONE;
+}
+
+/* To the nanosecond, for values of whole microseconds. */
+static int64_t to_ns(double seconds) {
+    return llround(seconds * 1e9);
+}
+
+/* The pose first: a frame that depth.txt names then has it, whenever the writing stops. */
+static int write_frame(struct run *run, double t, const uint16_t *units, const struct camera_pose *at) {
+    fathom_pose pose;
+    const fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                      .width = run->camera.width,
+                                      .height = run->camera.height,
+                                      .timestamp_ns = to_ns(t),
+                                      .depth = units};
+    memcpy(pose.position, at->position, sizeof pose.position);
+    quaternion_of(at->rotation, pose.orientation);
+    const int result = fathom_sink_write_pose(run->sink, frame.timestamp_ns, &pose);
+    return result ? result : fathom_sink_write_depth(run->sink, &frame);
+}
+
 static int render_frames(struct run *run, const struct picture *picture, long *done) {
     struct camera_pose pose, before = {.rotation = {0}};
     for (*done = 0; *done < run->frames; ++*done) {
@@ -133,8 +161,8 @@ static int render_frames(struct run *run, const struct picture *picture, long *d
         camera_path_pose(&run->path, t, &pose);
         if (!take_picture(run, *done, t, &pose, picture))
             return cli_error(CLI_FAILED, "simulate: out of memory");
-        if (recording_frame(&run->writer, t, picture->units, &run->camera, &pose))
-            return cli_error(CLI_FAILED, "%s", run->writer.error);
+        const int result = write_frame(run, t, picture->units, &pose);
+        if (result) return status_of(run, result);
         if (*done) add_motion(run, &before, &pose);
         before = pose;
         cli_progress(*done + 1, NULL);
@@ -142,28 +170,75 @@ static int render_frames(struct run *run, const struct picture *picture, long *d
     return CLI_DONE;
 }
 
-static int write_rest(struct run *run) {
+/* As text of that many decimals would give it back: what a recording of such a sensor holds. */
+static float rounded(double value, double decimals) {
+    return (float)(round(value * decimals) / decimals);
+}
+
+static int write_samples(struct run *run) {
     const struct simulate_options *o = run->options;
-    struct recording_writer *w = &run->writer;
-    const struct render_camera *c = &run->camera;
-    if (recording_calibration(w, (const double[]){c->fx, c->fy, c->cx, c->cy}, 4))
-        return cli_error(CLI_FAILED, "%s", w->error);
-    if (o->motion) return recording_copy_imu(w, o->motion) ? cli_error(CLI_FAILED, "%s", w->error) : CLI_DONE;
     struct imu_model imu;
     imu_model_make(&imu, o->grade, &o->mounting, o->imu_rate, (uint64_t)o->seed);
     /* A little beyond the last frame, so that an estimate up to it can be interpolated. */
     const double until = frame_time(run, run->frames - 1) + fmax(0.05, 2.0 / o->imu_rate);
-    return recording_imu(w, &imu, &run->path, until, run->header) ? cli_error(CLI_FAILED, "%s", w->error)
-                                                                  : CLI_DONE;
+    const double count = floor(until * o->imu_rate) + 1.0;
+    int result = FATHOM_OK;
+    for (double i = 0; i < count && !result; i++) {
+        struct imu_sample s;
+        fathom_imu_sample sample;
+        imu_model_next(&imu, &run->path, &s);
+        sample.timestamp_ns = to_ns(s.stamp);
+        for (int k = 0; k < 3; k++) {
+            sample.gyro[k] = rounded(s.gyro[k], 1e9);
+            sample.accel[k] = rounded(s.accel[k], 1e8);
+        }
+        result = fathom_sink_write_imu(run->sink, &sample, 1);
+    }
+    return result ? result : fathom_sink_flush(run->sink);
+}
+
+/* All but the frames. */
+static int write_rest(struct run *run) {
+    const struct simulate_options *o = run->options;
+    const struct render_camera *c = &run->camera;
+    const struct imu_mounting *m = &o->mounting;
+    fathom_sink_rig rig = {.struct_size = sizeof rig,
+                           .has_imu = !o->motion,
+                           .camera = {.width = c->width, .height = c->height, .fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy},
+                           .depth_units_per_metre = DEPTH_SCALE,
+                           .imu_clock_offset_ns = to_ns(m->clock_offset),
+                           .gravity = STANDARD_GRAVITY,
+                           .lines_of = o->motion};
+    memcpy(rig.imu_to_camera_rotation_deg, m->rotation_deg, sizeof m->rotation_deg);
+    memcpy(rig.imu_to_camera_translation_m, m->translation, sizeof m->translation);
+    int result = fathom_sink_write_rig(run->sink, &rig);
+    if (!result) result = o->motion ? fathom_sink_copy_imu(run->sink, o->motion) : write_samples(run);
+    return status_of(run, result);
+}
+
+/* depth.txt of a simulation says so in its first line; one that is in the way may go. */
+static bool was_simulated(const char *folder) {
+    char path[4096], line[256] = "";
+    FILE *file = snprintf(path, sizeof path, "%s/depth.txt", folder) < (int)sizeof path ? fopen(path, "r") : NULL;
+    if (!file) return false;
+    const bool read = fgets(line, sizeof line, file) != NULL;
+    fclose(file);
+    return read && !strncmp(line, "# fathom simulate", 17);
+}
+
+static int open_sink(struct run *run) {
+    const struct simulate_options *o = run->options;
+    const fathom_sink_options options = {.struct_size = sizeof options,
+                                         .force = o->force || was_simulated(o->folder),
+                                         .header = run->header,
+                                         .log = log_message,
+                                         .log_user = &run->log};
+    return status_of(run, fathom_sink_open(&run->sink, o->folder, &options));
 }
 
 static int write_recording(struct run *run) {
     const struct simulate_options *o = run->options;
-    if (recording_open(&run->writer, o->folder, o->force, run->header)) {
-        const int status = cli_error(CLI_FAILED, "%s", run->writer.error);
-        recording_close(&run->writer);
-        return status;
-    }
+    if (open_sink(run)) return CLI_FAILED;
     const size_t pixels = (size_t)o->size.width * (size_t)o->size.height;
     float *depth = malloc(2 * pixels * sizeof *depth);
     uint16_t *units = malloc(pixels * sizeof *units);
@@ -176,8 +251,8 @@ static int write_recording(struct run *run) {
         status = render_frames(run, &picture, &done);
         cli_progress_end();
     }
-    if (recording_close(&run->writer) && (status == CLI_DONE || status == CLI_INTERRUPTED))
-        status = cli_error(CLI_FAILED, "%s", run->writer.error);
+    const int closed = fathom_sink_close(run->sink);
+    if (closed && (status == CLI_DONE || status == CLI_INTERRUPTED)) status = status_of(run, closed);
     free(depth);
     free(units);
     free(lost);
@@ -197,6 +272,10 @@ static void make_header(struct run *run, int argc, char **argv) {
     used = strlen(run->header);
     snprintf(run->header + used, sizeof run->header - used, " (scene %s, seed %ld%s)", scene_name(run->options->kind),
              run->options->seed, run->options->clean ? ", clean" : "");
+    used = strlen(run->header);
+    if (!run->options->motion)
+        snprintf(run->header + used, sizeof run->header - used, "\nIMU: %s (%s), %g samples a second",
+                 run->options->grade->name, run->options->grade->part, run->options->imu_rate);
 }
 
 static int simulate(const struct command *command, int argc, char **argv) {

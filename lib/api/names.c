@@ -25,6 +25,7 @@ const char *fathom_error_name(int32_t error) {
         NAME(FATHOM_ERROR_FULL);
         NAME(FATHOM_ERROR_NAME);
         NAME(FATHOM_ERROR_VALUE);
+        NAME(FATHOM_ERROR_WRITE);
         NAME(FATHOM_ERROR_TIMEOUT);
         NAME(FATHOM_ERROR_CANCELLED);
         NAME(FATHOM_ERROR_ENDED);

@@ -79,7 +79,7 @@ int main(int argc, char **argv) {
     int status = bench_replay_open(&bench, "fusion", argc, argv);
     double(*ms)[STAGES] = status ? NULL : malloc((size_t)bench.frames * sizeof *ms);
     if (!status)
-        status = ms ? run(bench.playback.scan, bench.recording, (int)bench.frames, bench.depth, ms) : CLI_FAILED;
+        status = ms ? run(bench.playback.library.scan, bench.recording, (int)bench.frames, bench.depth, ms) : CLI_FAILED;
     free(ms);
     bench_replay_close(&bench);
     return status;

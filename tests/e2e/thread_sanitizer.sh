@@ -18,7 +18,7 @@ outcome() {
     fi
 }
 
-tests=11
+tests=14
 echo "1..$tests"
 printf 'int main(void) { return 0; }\n' >"$tsan/probe.c"
 if ! ${CC:-cc} -fsanitize=thread -o "$tsan/probe" "$tsan/probe.c" 2>"$tsan/probe.log" || ! "$tsan/probe" 2>>"$tsan/probe.log"; then
@@ -28,7 +28,7 @@ fi
 
 make BUILD="$tsan" SANITIZE=thread OPTIMISE='-O1 -g' "$tsan/tests/test_inertial" "$tsan/tests/test_api_step" \
     "$tsan/tests/test_api_device" "$tsan/tests/test_source" "$tsan/tests/test_imu_stream" \
-    "$tsan/tests/test_udp_source" "$tsan/fathom" >"$tsan/make.log" 2>&1
+    "$tsan/tests/test_udp_source" "$tsan/tests/test_usb_source" "$tsan/tests/test_iio_source" "$tsan/tests/test_sink" "$tsan/fathom" >"$tsan/make.log" 2>&1
 status=$?
 outcome "builds with the thread sanitizer" $status "$tsan/make.log"
 if [ $status -ne 0 ]; then
@@ -53,6 +53,12 @@ race "$tsan/tests/test_imu_stream"
 outcome "inertial streams have no race" $? "$tsan/run.log"
 race "$tsan/tests/test_udp_source"
 outcome "a phone by UDP has no race" $? "$tsan/run.log"
+race "$tsan/tests/test_usb_source"
+outcome "USB transfers have no race" $? "$tsan/run.log"
+race "$tsan/tests/test_iio_source"
+outcome "IIO buffers have no race" $? "$tsan/run.log"
+race "$tsan/tests/test_sink"
+outcome "frames and samples on two threads of a sink have no race" $? "$tsan/run.log"
 if [ -f "$build/tests/test_openni2" ]; then
     make BUILD="$tsan" SANITIZE=thread OPTIMISE='-O1 -g' "$tsan/tests/test_openni2" >"$tsan/make.log" 2>&1 &&
         race "$tsan/tests/test_openni2"

@@ -151,7 +151,7 @@ static int track(struct run *run, double from, double every) {
 }
 
 int main(int argc, char **argv) {
-    fathom_recording_options options = {.log = say};
+    fathom_recording_options options = {.struct_size = sizeof options, .log = say};
     fathom_config config;
     fathom_config_init(&config);
     double from = 10, every = 0.5;

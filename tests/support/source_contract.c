@@ -15,14 +15,14 @@ static void count_errors(void *user, fathom_log_level level, const char *text) {
 }
 
 static fathom_source_state state_of(fathom_source *source) {
-    fathom_source_status status;
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(fathom_source_get_status(source, &status), FATHOM_OK);
     return (fathom_source_state)status.state;
 }
 
 /* Something comes within five seconds. */
 static void gives_something(fathom_source *source, void (*stir)(void)) {
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     fathom_imu_sample sample;
     int result = FATHOM_ERROR_TIMEOUT;
     for (int i = 0; i < 500 && result == FATHOM_ERROR_TIMEOUT; i++) {
@@ -52,7 +52,7 @@ static void runs_and_refuses_a_second_start(fathom_source *source, void (*stir)(
 
 void check_source_contract(const char *uri, void (*stir)(void)) {
     /* Recordings at a hundredth of their speed, so that none ends while it is looked at. */
-    const fathom_source_options options = {.speed = 0.01, .log = count_errors};
+    const fathom_source_options options = {.struct_size = sizeof options, .speed = 0.01, .log = count_errors};
     fathom_source *source;
     assert_int_equal(fathom_source_open(&source, uri, &options), FATHOM_OK);
     is_at_rest(source);

@@ -61,7 +61,7 @@ static int look_for(const char *driver, const char *uri, int expected, fathom_so
 
 static fathom_source *open_it(const char *uri, bool reconnect) {
     fathom_source *source = NULL;
-    const fathom_source_options options = {.reconnect = reconnect, .log = keep_log, .imu_capacity = MOST};
+    const fathom_source_options options = {.struct_size = sizeof options, .reconnect = reconnect, .log = keep_log, .imu_capacity = MOST};
     last_error[0] = 0;
     if (fathom_source_open(&source, uri, &options)) fail_msg("%s: %s", uri, last_error);
     if (fathom_source_start(source)) fail_msg("%s: %s", uri, last_error);
@@ -69,7 +69,7 @@ static fathom_source *open_it(const char *uri, bool reconnect) {
 }
 
 static fathom_source_status status_of(fathom_source *source) {
-    fathom_source_status status;
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(fathom_source_get_status(source, &status), FATHOM_OK);
     return status;
 }
@@ -91,7 +91,7 @@ static int gather(fathom_source *source, int most, double seconds) {
 static bool reaches(fathom_source *source, fathom_source_state state, double seconds) {
     const int64_t end_ns = monotonic_now_ns() + (int64_t)(seconds * 1e9);
     while (monotonic_now_ns() < end_ns) {
-        if (status_of(source).state == state) return true;
+        if (status_of(source).state == (int32_t)state) return true;
         usleep(10000);
     }
     return false;
@@ -115,7 +115,7 @@ static int open_as(int user, int group, const char *uri, char *message, size_t s
     const pid_t child = fork();
     if (child == 0) {
         fathom_source *source;
-        const fathom_source_options options = {.log = keep_log};
+        const fathom_source_options options = {.struct_size = sizeof options, .log = keep_log};
         if (setgid((gid_t)group) || setuid((uid_t)user)) _exit(1);
         const int result = fathom_source_open(&source, uri, &options);
         fathom_source_close(source);
@@ -517,7 +517,7 @@ static void usb_without_permission_or_busy(void **state) {
     assert_int_equal(open_as(1000, 1000, MTI_URI, text, sizeof text), FATHOM_ERROR_PERMISSION);
     assert_non_null(strstr(text, "60-fathom-imu.rules"));
     fathom_source *source = open_it(MTI_URI, false), *second;
-    const fathom_source_options options = {.log = keep_log};
+    const fathom_source_options options = {.struct_size = sizeof options, .log = keep_log};
     assert_int_equal(fathom_source_open(&second, MTI_URI, &options), FATHOM_ERROR_BUSY);
     print_message("# %s\n", last_error);
     fathom_source_close(source);
@@ -554,7 +554,7 @@ static void *unplug_soon(void *microseconds) {
 static void vanish(const char *uri, int rounds, int step_us) {
     int opened = 0, started = 0;
     for (int i = 0; i < rounds; i++) {
-        const fathom_source_options options = {.log = keep_log};
+        const fathom_source_options options = {.struct_size = sizeof options, .log = keep_log};
         fathom_source *source;
         pthread_t thread;
         if (!strcmp(uri, DUALSENSE))

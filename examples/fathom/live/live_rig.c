@@ -36,7 +36,7 @@ static const char *reason(const struct cli_log *log, int error) {
 
 static int open_source(fathom_source **source, const char *uri, unsigned kind,
                        const struct live_options *options, struct cli_log *log) {
-    const fathom_source_options how = {.kinds = kind,
+    const fathom_source_options how = {.struct_size = sizeof how, .kinds = kind,
                                        .reconnect = options->reconnect,
                                        .width = kind == FATHOM_SOURCE_DEPTH ? options->size.width : 0,
                                        .height = kind == FATHOM_SOURCE_DEPTH ? options->size.height : 0,

@@ -2,7 +2,6 @@
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/live/live_options.h"
-#include "fathom/live_recorder.h"
 #include "fathom/live/live_rig.h"
 #include "fathom/shell/log.h"
 #include "fathom/shell/clock.h"
@@ -10,6 +9,7 @@
 
 #include <inttypes.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -27,7 +27,8 @@ struct logging {
     struct cli_log log;
     struct live_rig rig;
     struct rig_watch watch;
-    struct live_recorder recorder;
+    fathom_sink *sink;
+    atomic_bool imu_failed; /* imu.txt can't be written any more */
     fathom_config config; /* size, intrinsics, depth scale, mounting */
     int64_t end_ns;       /* CLOCK_MONOTONIC */
     int64_t line_ns;      /* when the last line of JSON was printed */
@@ -45,7 +46,7 @@ static bool is_read_from(const struct logging *logging, const char *place) {
 }
 
 static void describe(const char *what, fathom_source *source, char *text, size_t room) {
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     fathom_source_get_status(source, &status);
     snprintf(text, room, "; %s: %s%s%s", what, status.name, *status.serial ? ", serial " : "", status.serial);
 }
@@ -61,10 +62,29 @@ static int open_folder(struct logging *logging) {
     snprintf(header, sizeof header, "fathom log%s%s", depth, imu);
     for (char *c = header; *c; c++)
         if (*c == '\n' || *c == '\r') *c = ' ';
-    if (!live_recorder_open(&logging->recorder, logging->folder, logging->force, &logging->config,
-                            live_rig_mounting(&logging->rig, live), header))
-        return cli_error(CLI_FAILED, "%s", logging->recorder.error);
-    return CLI_DONE;
+    const fathom_sink_options options = {.struct_size = sizeof options,
+                                         .force = logging->force,
+                                         .header = header,
+                                         .log = log_message,
+                                         .log_user = &logging->log};
+    const fathom_sink_rig rig = {.struct_size = sizeof rig,
+                                 .camera = logging->config.depth_camera,
+                                 .depth_units_per_metre = (double)logging->config.depth_units_per_metre,
+                                 .lines_of = live_rig_mounting(&logging->rig, live)};
+    log_clear(&logging->log);
+    int result = fathom_sink_open(&logging->sink, logging->folder, &options);
+    if (!result) result = fathom_sink_write_rig(logging->sink, &rig);
+    return result ? cli_error(CLI_FAILED, "%s", log_reason(&logging->log, result)) : CLI_DONE;
+}
+
+static fathom_sink_status written(const struct logging *logging) {
+    fathom_sink_status status = FATHOM_STRUCT(fathom_sink_status);
+    fathom_sink_get_status(logging->sink, &status);
+    return status;
+}
+
+static int64_t bytes_of(const fathom_sink_status *status) {
+    return status->frame_bytes + status->imu_bytes;
 }
 
 /* ---- what is said ---- */
@@ -75,11 +95,11 @@ static int64_t missing(const fathom_source_status *status) {
 
 static void print_json_line(struct logging *logging) {
     const fathom_source_status *depth = &logging->watch.depth, *imu = &logging->watch.imu;
-    const struct live_recorder *r = &logging->recorder;
-    printf("{\"t\":%.9f,\"frames\":%" PRId64 ",\"samples\":%lld,\"bytes\":%lld,\"depth\":\"%s\","
+    const fathom_sink_status w = written(logging);
+    printf("{\"t\":%.9f,\"frames\":%" PRId64 ",\"samples\":%" PRId64 ",\"bytes\":%" PRId64 ",\"depth\":\"%s\","
            "\"rate_hz\":%.2f,\"frames_dropped\":%" PRId64 ",\"frames_missing\":%" PRId64 ",\"imu\":\"%s\","
            "\"imu_rate_hz\":%.2f,\"samples_dropped\":%" PRId64 ",\"samples_missing\":%" PRId64 "}\n",
-           (double)r->last_ns * 1e-9, r->frames, (long long)r->samples, live_recorder_bytes(r),
+           (double)w.last_ns * 1e-9, w.frames, w.samples, bytes_of(&w),
            fathom_source_state_name(depth->state), depth->rate_hz, depth->frames_dropped, missing(depth),
            logging->rig.imu ? fathom_source_state_name(imu->state) : "none", imu->rate_hz,
            imu->samples_dropped, missing(imu));
@@ -88,15 +108,15 @@ static void print_json_line(struct logging *logging) {
 
 static void draw_line(const struct logging *logging) {
     const fathom_source_status *depth = &logging->watch.depth, *imu = &logging->watch.imu;
-    const struct live_recorder *r = &logging->recorder;
+    const fathom_sink_status w = written(logging);
     char line[256], samples[96] = "no IMU";
     if (logging->rig.imu)
         snprintf(samples, sizeof samples, "IMU %s %.0f/s", fathom_source_state_name(imu->state),
                  imu->rate_hz);
-    snprintf(line, sizeof line, "%s %.1f/s  %s  %lld samples  %.1f MB  %" PRId64 " dropped",
-             fathom_source_state_name(depth->state), depth->rate_hz, samples, (long long)r->samples,
-             1e-6 * (double)live_recorder_bytes(r), depth->frames_dropped + imu->samples_dropped);
-    cli_progress((long)r->frames, line);
+    snprintf(line, sizeof line, "%s %.1f/s  %s  %" PRId64 " samples  %.1f MB  %" PRId64 " dropped",
+             fathom_source_state_name(depth->state), depth->rate_hz, samples, w.samples,
+             1e-6 * (double)bytes_of(&w), depth->frames_dropped + imu->samples_dropped);
+    cli_progress((long)w.frames, line);
 }
 
 static void say_drops(struct logging *logging) {
@@ -117,7 +137,7 @@ static void report(struct logging *logging) {
 }
 
 static void report_end(struct logging *logging) {
-    const struct live_recorder *r = &logging->recorder;
+    const fathom_sink_status w = written(logging);
     cli_progress_end();
     rig_watch_look(&logging->watch, &logging->rig);
     say_drops(logging);
@@ -125,15 +145,21 @@ static void report_end(struct logging *logging) {
     if (missing(depth)) cli_warning("%" PRId64 " frames never came or made no sense", missing(depth));
     if (missing(imu)) cli_warning("%" PRId64 " samples never came or made no sense", missing(imu));
     printf(logging->live.json
-               ? "{\"summary\":{\"frames\":%" PRId64 ",\"samples\":%lld,\"frames_dropped\":%" PRId64
-                 ",\"samples_dropped\":%" PRId64 ",\"bytes\":%lld,\"seconds\":%.3f}}\n"
-               : "frames=%" PRId64 " samples=%lld frames_dropped=%" PRId64 " samples_dropped=%" PRId64
-                 " bytes=%lld seconds=%.3f\n",
-           r->frames, (long long)r->samples, depth->frames_dropped, imu->samples_dropped,
-           live_recorder_bytes(r), 1e-9 * (double)(r->last_ns - r->first_ns));
+               ? "{\"summary\":{\"frames\":%" PRId64 ",\"samples\":%" PRId64 ",\"frames_dropped\":%" PRId64
+                 ",\"samples_dropped\":%" PRId64 ",\"bytes\":%" PRId64 ",\"seconds\":%.3f}}\n"
+               : "frames=%" PRId64 " samples=%" PRId64 " frames_dropped=%" PRId64 " samples_dropped=%" PRId64
+                 " bytes=%" PRId64 " seconds=%.3f\n",
+           w.frames, w.samples, depth->frames_dropped, imu->samples_dropped, bytes_of(&w),
+           1e-9 * (double)(w.last_ns - w.first_ns));
 }
 
-/* ---- frames ---- */
+/* ---- frames and samples ---- */
+
+/* A live_rig_take, on the rig's thread. */
+static void take_samples(void *user, const fathom_imu_sample *samples, int count) {
+    struct logging *logging = user;
+    if (!logging->imu_failed && fathom_sink_write_imu(logging->sink, samples, count)) logging->imu_failed = true;
+}
 
 static bool is_over(const struct logging *logging) {
     return cli_interrupted() || clock_now_ns() >= logging->end_ns;
@@ -142,16 +168,16 @@ static bool is_over(const struct logging *logging) {
 /* False when there are enough, or no more can be written. */
 static bool take_frame(struct logging *logging, const fathom_source_frame *frame) {
     const long frames = logging->live.frames;
-    if (!live_recorder_frame(&logging->recorder, &frame->depth)) return false;
-    if (logging->rig.unpaced) live_rig_push_until(&logging->rig, frame->depth.timestamp_ns);
+    if (fathom_sink_write_depth(logging->sink, frame->depth)) return false;
+    if (logging->rig.unpaced) live_rig_push_until(&logging->rig, frame->depth->timestamp_ns);
     report(logging);
-    return !logging->recorder.imu_failed && !(frames && logging->recorder.frames >= frames);
+    return !logging->imu_failed && !(frames && written(logging).frames >= frames);
 }
 
 static int take_frames(struct logging *logging) {
     const double duration = logging->live.duration;
     fathom_source *depth = logging->rig.depth;
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     int waited = FATHOM_OK;
     bool more = true;
     logging->end_ns = duration > 0 ? clock_now_ns() + (int64_t)(1e9 * duration) : INT64_MAX;
@@ -161,12 +187,13 @@ static int take_frames(struct logging *logging) {
         report(logging);
         while (more && !is_over(logging) && fathom_source_read_depth(depth, &frame) == FATHOM_OK)
             more = take_frame(logging, &frame);
-        if (logging->recorder.imu_failed) more = false;
+        if (logging->imu_failed) more = false;
     }
     /* What has arrived until now is still written. */
     fathom_source_stop(depth);
     while (more && fathom_source_read_depth(depth, &frame) == FATHOM_OK) more = take_frame(logging, &frame);
-    if (logging->recorder.frames) live_rig_settle(&logging->rig, logging->recorder.last_ns);
+    const fathom_sink_status w = written(logging);
+    if (w.frames) live_rig_settle(&logging->rig, w.last_ns);
     return live_rig_end(waited, &logging->log);
 }
 
@@ -197,17 +224,18 @@ static int run(const struct command *command, int argc, char **argv) {
     if (!status) status = open_folder(&logging);
     cli_progress_start("frames", 0, logging.live.progress);
     if (!status)
-        status = live_rig_start(&logging.rig, logging.config.imu_clock_offset_ns, live_recorder_take,
-                                &logging.recorder, &logging.log);
+        status = live_rig_start(&logging.rig, logging.config.imu_clock_offset_ns, take_samples, &logging,
+                                &logging.log);
     if (!status) {
         status = take_frames(&logging);
         live_rig_stop(&logging.rig);
-        const bool written = live_recorder_close(&logging.recorder);
+        fathom_sink_flush(logging.sink);
         report_end(&logging);
-        if (!written) status = cli_error(CLI_FAILED, "%s", logging.recorder.error);
+        const int result = fathom_sink_close(logging.sink);
+        if (result) status = cli_error(CLI_FAILED, "%s", log_reason(&logging.log, result));
         if (!status && cli_interrupted()) status = CLI_INTERRUPTED;
     } else {
-        live_recorder_close(&logging.recorder);
+        fathom_sink_close(logging.sink);
     }
     live_rig_close(&logging.rig);
     return status;

@@ -15,6 +15,7 @@ static void say_change(const char *what, const fathom_source_status *before,
 
 void rig_watch_look(struct rig_watch *watch, const struct live_rig *rig) {
     const fathom_source_status depth = watch->depth, imu = watch->imu;
+    watch->depth.struct_size = watch->imu.struct_size = sizeof watch->depth;
     fathom_source_get_status(rig->depth, &watch->depth);
     if (rig->imu) fathom_source_get_status(rig->imu, &watch->imu);
     say_change("depth", &depth, &watch->depth);

@@ -10,6 +10,7 @@
 #include <iio.h>
 #include <math.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,7 +40,8 @@ struct iio_buffer {
 
 struct iio_device {
     const char *id, *name, *mount; /* mount NULL: says nothing */
-    bool has_gyro, has_accel, has_time, monotonic, is_there, busy;
+    bool has_gyro, has_accel, has_time, monotonic, busy;
+    atomic_bool is_there;
     double rate;
     struct iio_channel channels[7];
     struct iio_buffer buffer;
@@ -264,7 +266,7 @@ static void keep_log(void *user, fathom_log_level level, const char *text) {
 
 static fathom_source *start(const char *uri) {
     fathom_source *source;
-    const fathom_source_options options = {.log = keep_log};
+    const fathom_source_options options = {.struct_size = sizeof options, .log = keep_log};
     assert_int_equal(fathom_source_open(&source, uri, &options), FATHOM_OK);
     assert_int_equal(fathom_source_start(source), FATHOM_OK);
     return source;
@@ -373,7 +375,7 @@ static void without_a_stamp_the_arrival_counts(void **state) {
 static void the_rate_is_set(void **state) {
     (void)state;
     fathom_source *source;
-    const fathom_source_options options = {.rate_hz = 417};
+    const fathom_source_options options = {.struct_size = sizeof options, .rate_hz = 417};
     assert_int_equal(fathom_source_open(&source, "iio:", &options), FATHOM_OK);
     assert_int_equal(fathom_source_start(source), FATHOM_OK);
     assert_true(devices[0].rate == 417);
@@ -412,7 +414,7 @@ static void a_device_that_goes_ends_the_source(void **state) {
 static void a_buffer_that_another_program_reads_is_busy(void **state) {
     (void)state;
     fathom_source *source;
-    const fathom_source_options options = {.log = keep_log};
+    const fathom_source_options options = {.struct_size = sizeof options, .log = keep_log};
     devices[0].busy = true;
     assert_int_equal(fathom_source_open(&source, "iio:", &options), FATHOM_OK);
     assert_int_equal(fathom_source_start(source), FATHOM_ERROR_BUSY);

@@ -85,6 +85,7 @@ static int remove_folder(void **state) {
 static int open_with(fathom_recording **recording, fathom_recording_options options) {
     *errors = *warnings = 0;
     error_count = warning_count = 0;
+    options.struct_size = sizeof options;
     options.log = keep_log;
     return fathom_recording_open(recording, folder, &options);
 }
@@ -160,7 +161,7 @@ static void test_missing(void **state) {
     expect_failure(FATHOM_ERROR_NO_DATA, "depth/none.png");
     fathom_recording *recording;
     *errors = 0;
-    fathom_recording_options options = {.log = keep_log};
+    fathom_recording_options options = {.struct_size = sizeof options, .log = keep_log};
     assert_int_equal(fathom_recording_open(&recording, "/nonexistent/folder", &options),
                      FATHOM_ERROR_NO_DATA);
     assert_non_null(strstr(errors, "/nonexistent/folder/depth.txt"));
@@ -301,7 +302,7 @@ static void test_rig(void **state) {
     for (int i = 0; i < 9; i++) assert_float_equal(r->imu_to_camera_rotation[i], turned[i], 1e-12);
     assert_true(r->has_color_intrinsics);
     assert_float_equal(r->color_to_depth_translation[0], 0.025, 0);
-    fathom_config config = {.gravity_m_s2 = 9.80665f};
+    fathom_config config = {.struct_size = sizeof config, .gravity_m_s2 = 9.80665f};
     fathom_recording_configure(r, &config);
     assert_int_equal(config.depth_camera.width, WIDTH);
     assert_float_equal(config.depth_camera.fy, 61, 0);

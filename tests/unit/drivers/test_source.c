@@ -8,6 +8,7 @@
 #include <math.h>
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -100,6 +101,7 @@ static int remove_folder(void **state) {
 
 static fathom_source *open_folder(fathom_source_options options) {
     fathom_source *source = NULL;
+    options.struct_size = sizeof options;
     options.log = keep_log;
     assert_int_equal(fathom_source_open(&source, folder, &options), FATHOM_OK);
     assert_non_null(source);
@@ -107,7 +109,7 @@ static fathom_source *open_folder(fathom_source_options options) {
 }
 
 static fathom_source_status status_of(fathom_source *source) {
-    fathom_source_status status;
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(fathom_source_get_status(source, &status), FATHOM_OK);
     return status;
 }
@@ -128,6 +130,7 @@ static void every_error_has_its_name(void **state) {
 static void refuses(const char *uri, fathom_source_options options, int error, const char *words) {
     fathom_source *source = (fathom_source *)&options;
     clear_log(NULL);
+    options.struct_size = sizeof options;
     options.log = keep_log;
     assert_int_equal(fathom_source_open(&source, uri, &options), error);
     assert_null(source);
@@ -137,7 +140,7 @@ static void refuses(const char *uri, fathom_source_options options, int error, c
 
 static void wrong_addresses_are_refused(void **state) {
     (void)state;
-    const fathom_source_options none = {0};
+    const fathom_source_options none = {.struct_size = sizeof none, 0};
     refuses("", none, FATHOM_ERROR_ARGUMENT, "openni2");
     refuses("nowhere", none, FATHOM_ERROR_ARGUMENT, "nowhere: neither a folder");
     refuses("kinect:0", none, FATHOM_ERROR_ARGUMENT, "no driver is called 'kinect'");
@@ -161,8 +164,8 @@ static void wrong_options_are_refused(void **state) {
 
 static void null_sources_are_refused(void **state) {
     (void)state;
-    fathom_source_frame frame;
-    fathom_source_status status;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     fathom_imu_sample sample;
     fathom_config config;
     fathom_config_init(&config);
@@ -199,7 +202,7 @@ static int stop_at_once(void *user, const fathom_source_info *info) {
 static void every_driver_is_named(void **state) {
     (void)state;
     char names[256] = "";
-    fathom_source_driver_info driver;
+    fathom_source_driver_info driver = FATHOM_STRUCT(fathom_source_driver_info);
     int drivers = 0, calls = 0;
     assert_true(fathom_sources_enumerate("folder", collect, names, keep_log, NULL) == 0);
     assert_string_equal(names, "folder ");
@@ -235,8 +238,8 @@ static void push_frame(int index) {
 
 static void the_oldest_gives_way_and_is_counted(void **state) {
     (void)state;
-    fathom_source_status status = {0};
-    fathom_source_frame held, frame;
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
+    fathom_source_frame held = FATHOM_STRUCT(fathom_source_frame), frame = held;
     fathom_imu_sample samples[20];
     assert_int_equal(source_queue_make(&queue, 8, 3, WIDTH, HEIGHT, false), FATHOM_OK);
     source_queue_start(&queue);
@@ -244,13 +247,13 @@ static void the_oldest_gives_way_and_is_counted(void **state) {
     assert_int_equal(source_queue_read_depth(&queue, &held), FATHOM_OK);
     for (int i = 1; i <= 10; i++) push_frame(i);
     for (int i = 0; i < WIDTH * HEIGHT; i++)
-        assert_int_equal(held.depth.depth[i], 0); /* the reader's, still */
+        assert_int_equal(held.depth->depth[i], 0); /* the reader's, still */
     for (int i = 8; i <= 10; i++) {
         assert_int_equal(source_queue_wait(&queue, 0), FATHOM_OK);
         assert_int_equal(source_queue_read_depth(&queue, &frame), FATHOM_OK);
         assert_int_equal(frame.index, i);
-        assert_int_equal(frame.depth.depth[5], i);
-        assert_int_equal(frame.depth.width, WIDTH);
+        assert_int_equal(frame.depth->depth[5], i);
+        assert_int_equal(frame.depth->width, WIDTH);
     }
     assert_int_equal(source_queue_read_depth(&queue, &frame), FATHOM_ERROR_TIMEOUT);
     for (int i = 0; i < 13; i++) source_queue_push_imu(&queue, &(fathom_imu_sample){.timestamp_ns = i});
@@ -277,7 +280,7 @@ static void the_oldest_gives_way_and_is_counted(void **state) {
 /* The reader gives back a slot of a lower number meanwhile. */
 static void the_slot_to_fill_is_the_same_until_it_is_pushed(void **state) {
     (void)state;
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     assert_int_equal(source_queue_make(&queue, 0, 2, WIDTH, HEIGHT, false), FATHOM_OK);
     source_queue_start(&queue);
     push_frame(0);
@@ -296,7 +299,7 @@ static void the_slot_to_fill_is_the_same_until_it_is_pushed(void **state) {
 static void what_is_left_is_read_before_the_end(void **state) {
     (void)state;
     fathom_imu_sample sample;
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(source_queue_make(&queue, 8, 0, 0, 0, false), FATHOM_OK);
     source_queue_start(&queue);
     source_queue_push_imu(&queue, &(fathom_imu_sample){.timestamp_ns = 1});
@@ -314,7 +317,7 @@ static void what_is_left_is_read_before_the_end(void **state) {
 
 static void a_device_that_comes_back(void **state) {
     (void)state;
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(source_queue_make(&queue, 8, 0, 0, 0, false), FATHOM_OK);
     source_queue_start(&queue);
     source_queue_unplugged(&queue);
@@ -333,7 +336,7 @@ static void a_device_that_comes_back(void **state) {
 
 static void silence_is_a_stall(void **state) {
     (void)state;
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     assert_int_equal(source_queue_make(&queue, 4, 0, 0, 0, false), FATHOM_OK);
     source_queue_start(&queue);
     source_queue_push_imu(&queue, &(fathom_imu_sample){0});
@@ -366,7 +369,7 @@ static void *fill(void *user) {
 static int64_t drain(bool patient) {
     pthread_t thread;
     fathom_imu_sample samples[16];
-    fathom_source_status status = {0};
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     int64_t read = 0, last = -1;
     assert_int_equal(source_queue_make(&queue, 64, 0, 0, 0, false), FATHOM_OK);
     source_queue_start(&queue);
@@ -453,7 +456,7 @@ static void a_wait_is_cancelled_at_once(void **state) {
 
 /* Reads it to its end as a rig would: the samples first. */
 static void read_all(fathom_source *source, int *frames, int *samples) {
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     fathom_imu_sample some[32];
     int64_t newest_ns = 0;
     int result;
@@ -465,11 +468,11 @@ static void read_all(fathom_source *source, int *frames, int *samples) {
         }
         while (fathom_source_read_depth(source, &frame) == FATHOM_OK) {
             assert_int_equal(frame.index, *frames);
-            assert_int_equal(frame.depth.timestamp_ns, 10000000000 + *frames * INT64_C(33000000));
-            assert_int_equal(frame.depth.width, WIDTH);
+            assert_int_equal(frame.depth->timestamp_ns, 10000000000 + *frames * INT64_C(33000000));
+            assert_int_equal(frame.depth->width, WIDTH);
             assert_true(frame.arrival_ns <= monotonic_now_ns());
             for (int i = 0; i < WIDTH * HEIGHT; i++)
-                assert_int_equal(frame.depth.depth[i], pixel_of(*frames, i));
+                assert_int_equal(frame.depth->depth[i], pixel_of(*frames, i));
             ++*frames;
         }
     }
@@ -515,7 +518,7 @@ static void at_a_pace_it_takes_its_time(void **state) {
 
 static void at_a_pace_a_slow_reader_loses_frames(void **state) {
     (void)state;
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     fathom_source *source = open_folder((fathom_source_options){.speed = 10, .frame_capacity = 2});
     assert_int_equal(fathom_source_start(source), FATHOM_OK);
     for (int i = 0; i < 1000 && status_of(source).frames < FRAMES; i++) usleep(10000);
@@ -528,7 +531,7 @@ static void at_a_pace_a_slow_reader_loses_frames(void **state) {
 
 static void one_kind_only(void **state) {
     (void)state;
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     fathom_imu_sample samples[SAMPLES];
     fathom_config config;
     fathom_config_init(&config);
@@ -604,7 +607,7 @@ static void samples_from_more_than_ten_seconds_before_the_first_frame_are_left_o
 static void a_damaged_frame_is_counted(void **state) {
     (void)state;
     char path[512];
-    fathom_source_frame frame;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
     int frames = 0;
     snprintf(path, sizeof path, "%s/depth/07.png", folder);
     assert_int_equal(truncate(path, 60), 0);
@@ -625,6 +628,42 @@ static void a_damaged_frame_is_counted(void **state) {
 static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
     (void)state;
     check_source_contract(folder, NULL);
+}
+
+static atomic_bool looking;
+
+static void *look_and_cancel(void *source) {
+    while (looking) {
+        assert_int_equal(status_of(source).width, WIDTH);
+        fathom_source_cancel(source);
+    }
+    return NULL;
+}
+
+/* What the header allows; the thread sanitizer watches. */
+static void status_and_cancel_may_run_beside_everything_but_close(void **state) {
+    (void)state;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
+    fathom_imu_sample samples[16];
+    pthread_t thread;
+    fathom_source *source = open_folder((fathom_source_options){.imu_capacity = 5, .frame_capacity = 1});
+    looking = true;
+    assert_int_equal(pthread_create(&thread, NULL, look_and_cancel, source), 0);
+    for (int round = 0; round < 3; round++) {
+        int result, frames = 0;
+        assert_int_equal(fathom_source_start(source), FATHOM_OK);
+        while ((result = fathom_source_wait(source, 5000)) == FATHOM_OK || result == FATHOM_ERROR_CANCELLED) {
+            while (fathom_source_read_depth(source, &frame) == FATHOM_OK) frames++;
+            while (fathom_source_read_imu(source, samples, 16) > 0) {
+            }
+        }
+        assert_int_equal(result, FATHOM_ERROR_ENDED);
+        assert_int_equal(frames, FRAMES);
+        assert_int_equal(fathom_source_stop(source), FATHOM_OK);
+    }
+    looking = false;
+    pthread_join(thread, NULL);
+    fathom_source_close(source);
 }
 
 /* Stopped and closed at any moment. */
@@ -662,6 +701,7 @@ int main(void) {
         cmocka_unit_test_setup(samples_from_more_than_ten_seconds_before_the_first_frame_are_left_out, clear_log),
         cmocka_unit_test_setup(one_kind_only, clear_log),
         cmocka_unit_test_setup(a_second_start_is_refused_and_the_source_goes_on, clear_log),
+        cmocka_unit_test_setup(status_and_cancel_may_run_beside_everything_but_close, clear_log),
         cmocka_unit_test_setup(it_can_be_closed_at_any_time, clear_log),
         cmocka_unit_test_setup(a_damaged_frame_is_counted, clear_log),
     };

@@ -224,7 +224,7 @@ static void keep_log(void *user, fathom_log_level level, const char *text) {
 }
 
 static int open_usb(fathom_source **source, const char *uri) {
-    const fathom_source_options options = {.log = keep_log};
+    const fathom_source_options options = {.struct_size = sizeof options, .log = keep_log};
     *errors = 0;
     return fathom_source_open(source, uri, &options);
 }
@@ -297,7 +297,7 @@ static void a_failed_opening_leaves_nothing_open_and_says_why(void **state) {
 static void a_serial_number_picks_the_device(void **state) {
     (void)state;
     fathom_source *source;
-    fathom_source_status status;
+    fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
     plugged = 3;
     bus[0].serial = "one";
     bus[1].serial = "two";

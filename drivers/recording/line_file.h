@@ -1,7 +1,7 @@
 /* A text file that grows by whole lines: whenever the writing stops (a kill, a full disk), what is on the disk ends with
  * a line's end, and at most half a second of lines is missing. */
-#ifndef FATHOM_CLI_LINE_FILE_H
-#define FATHOM_CLI_LINE_FILE_H
+#ifndef FATHOM_LINE_FILE_H
+#define FATHOM_LINE_FILE_H
 
 #include <stdbool.h>
 #include <stddef.h>

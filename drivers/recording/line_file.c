@@ -1,5 +1,5 @@
-#include "fathom/line_file.h"
-#include "fathom/shell/clock.h"
+#include "recording/line_file.h"
+#include "monotonic.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -12,7 +12,7 @@
 #define FLUSH_NS 500000000
 
 bool line_file_open(struct line_file *file, const char *path) {
-    *file = (struct line_file){.flushed_ns = clock_now_ns()};
+    *file = (struct line_file){.flushed_ns = monotonic_now_ns()};
     file->fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
     file->is_open = file->fd >= 0;
     if (!file->is_open) file->error = errno;
@@ -38,7 +38,7 @@ bool line_file_flush(struct line_file *file) {
     }
     file->used = 0;
     file->waiting = 0;
-    file->flushed_ns = clock_now_ns();
+    file->flushed_ns = monotonic_now_ns();
     return !file->error;
 }
 
@@ -54,7 +54,7 @@ bool line_file_add(struct line_file *file, const char *format, ...) {
     memcpy(file->buffer + file->used, line, (size_t)length);
     file->used += (size_t)length;
     file->waiting++;
-    return clock_now_ns() - file->flushed_ns < FLUSH_NS || line_file_flush(file);
+    return monotonic_now_ns() - file->flushed_ns < FLUSH_NS || line_file_flush(file);
 }
 
 bool line_file_close(struct line_file *file) {
