@@ -53,7 +53,7 @@ int main(int argc, char **argv) {
     c.depth_camera = (fathom_pinhole){.width = width, .height = height, .fx = width / 1.2, .fy = width / 1.2,
                                       .cx = 0.5 * (width - 1), .cy = 0.5 * (height - 1)};
     c.voxel_m = 0.05f;
-    c.blocks = 1500;
+    c.max_blocks = 1500;
     c.imu = false;
     fathom *scan = NULL;
     int64_t bytes = fathom_memory_required(&c, why, sizeof why);
@@ -79,7 +79,7 @@ int main(int argc, char **argv) {
     size_t triangles = 0;
     int64_t total = fathom_extract_mesh(scan, 0, count_triangles, &triangles);
     int front = seen(scan, 0), far = seen(scan, -0.5);
-    printf("\n%d blocks planned, %zu triangles, %d and %d pixels of views\n", (int)c.blocks, triangles, front, far);
+    printf("\n%d blocks planned, %zu triangles, %d and %d pixels of views\n", (int)c.max_blocks, triangles, front, far);
     fathom_close(scan);
     free(block);
     return !(total > 100 && (size_t)total == triangles && front > 50 && far > 50);

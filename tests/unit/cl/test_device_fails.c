@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "api/context.h"
+#include "context.h"
 #include "opencl_shim.h"
 #include "synthetic.h"
 
@@ -283,7 +283,7 @@ static bool start(void) {
     context = synthetic_start(&c);
     first_step(&r);
     synthetic_stop(&context);
-    c.blocks = r.blocks + r.blocks / 8;
+    c.max_blocks = r.blocks + r.blocks / 8;
     c.when_full = FATHOM_FULL_DROP;
     c.block_out = keep_none;
     context = synthetic_start(&c);
