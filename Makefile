@@ -26,7 +26,7 @@ SAN_FLAGS = -fsanitize=$(SANITIZE) -fno-sanitize-recover=all -fno-omit-frame-poi
 endif
 OPTIMISE ?= -O2 -g
 WARN     = -Wall -Wextra -Wshadow -Wpointer-arith -Wvla
-CPPFLAGS += -Ilib -Idrivers -Iexamples -Itests -Itests/support -MMD -MP
+CPPFLAGS += -I. -Ilib -Idrivers -Iexamples -Itests -Itests/support -MMD -MP
 ALL_CFLAGS   = -std=c11 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -Wstrict-prototypes -Wmissing-prototypes -fPIC \
                -fvisibility=hidden -ffp-contract=off $(SAN_FLAGS) $(CFLAGS)
 # Lines, not types: what debugging information says of Eigen is most of a library otherwise.
@@ -35,7 +35,8 @@ ALL_CXXFLAGS = -std=c++17 -D_GNU_SOURCE $(patsubst -g,-g1,$(OPTIMISE)) $(WARN) -
                $(shell pkg-config --cflags eigen3 2>/dev/null | sed 's/-I/-isystem /g') $(SAN_FLAGS) $(CXXFLAGS)
 ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 
-KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
+KERNELS_FIRST = opencl/layout.h opencl/common.cl opencl/blocks.cl
+KERNELS     = $(KERNELS_FIRST) $(filter-out $(KERNELS_FIRST),$(sort $(wildcard opencl/*.cl)))
 # Sources of a folder and of those in it.
 sources_in  = $(sort $(foreach f,$(1),$(wildcard $(f)/*.c $(f)/*.cpp $(f)/*/*.c $(f)/*/*.cpp $(f)/*/*/*.c)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,lib)) $(BUILD)/kernels.o

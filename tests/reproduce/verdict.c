@@ -78,7 +78,7 @@ static void inject(uint64_t key, int number, struct injection *in) {
 
 static void compare(fathom *f, const pose *at, comparison *k) {
     const fathom_config *c = &f->config;
-    model_view_compare(&f->tracker.view, &f->device, &f->maps, &f->volume, at, c->agreement_tolerance_m + c->voxel_m, k);
+    model_view_compare(&f->tracker.view, &f->device, &f->maps, &f->raycaster, at, c->agreement_tolerance_m + c->voxel_m, k);
 }
 
 /* What alignment would say of a pose if it stopped there. */
@@ -94,7 +94,7 @@ static void judge_in_place(fathom *f, const pose *at, const double covariance[36
     comparison k;
     const double sigma = sqrt(covariance[35]), reach = fmax(c->max_pair_distance_m, 3 * sigma);
     memset(a, 0, sizeof *a);
-    volume_raycast_near(&f->volume, &f->device, &f->maps, at, (float)reach, true, &f->tracker.models.level[FINEST]);
+    raycast_near(&f->raycaster, &f->device, &f->maps, at, (float)reach, true, &f->tracker.models.level[FINEST]);
     align_reduce(&f->tracker.aligner, &f->device, &f->maps, FINEST, &here, &f->tracker.models.level[FINEST], camera, reach,
                  c->huber_m, centre, &e);
     icp->motion = *at;
