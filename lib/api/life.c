@@ -21,8 +21,8 @@ static void close_parts(fathom *f) {
 
 static void start_over(fathom *f) {
     volume_clear(&f->volume, &f->device);
-    integrator_clear(&f->integrator);
     if (f->device.error != FATHOM_OK) return;
+    integrator_clear(&f->integrator);
     inertial_drain(&f->inertial);
     inertial_reset(&f->inertial);
     pose_take(&f->config.first_pose, &f->pose);
