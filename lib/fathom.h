@@ -623,6 +623,7 @@ typedef struct {
     int32_t gyro_health, accel_health; /* fathom_imu_health of the inertial sensor so far */
     float ms_maps, ms_align, ms_fuse, ms_raycast; /* wall time of the stages; with fuse_behind, ms_fuse is the step's own part,
                                   and ms_maps may hold the rest of the frame before */
+    int32_t unused;            /* 0 */
     float ms_total;
 } fathom_result;
 
