@@ -26,7 +26,7 @@ SAN_FLAGS = -fsanitize=$(SANITIZE) -fno-sanitize-recover=all -fno-omit-frame-poi
 endif
 OPTIMISE ?= -O2 -g
 WARN     = -Wall -Wextra -Wshadow -Wpointer-arith -Wvla
-CPPFLAGS += -Ilib -Idrivers -Iexamples -Itests -Itests/support -MMD -MP
+CPPFLAGS += -I. -Ilib -Idrivers -Iexamples -Itests -Itests/support -MMD -MP
 ALL_CFLAGS   = -std=c11 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -Wstrict-prototypes -Wmissing-prototypes -fPIC \
                -fvisibility=hidden -ffp-contract=off $(SAN_FLAGS) $(CFLAGS)
 ALL_CXXFLAGS = -std=c++17 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -fPIC -fvisibility=hidden -fvisibility-inlines-hidden \
@@ -34,7 +34,8 @@ ALL_CXXFLAGS = -std=c++17 -D_GNU_SOURCE $(OPTIMISE) $(WARN) -fPIC -fvisibility=h
                $(shell pkg-config --cflags eigen3 2>/dev/null | sed 's/-I/-isystem /g') $(SAN_FLAGS) $(CXXFLAGS)
 ALL_LDFLAGS  = $(SAN_FLAGS) $(LDFLAGS)
 
-KERNELS     = opencl/common.cl $(filter-out opencl/common.cl,$(sort $(wildcard opencl/*.cl)))
+KERNELS_FIRST = opencl/layout.h opencl/common.cl opencl/blocks.cl
+KERNELS     = $(KERNELS_FIRST) $(filter-out $(KERNELS_FIRST),$(sort $(wildcard opencl/*.cl)))
 # Sources of a folder and of those in it.
 sources_in  = $(sort $(foreach f,$(1),$(wildcard $(f)/*.c $(f)/*.cpp $(f)/*/*.c $(f)/*/*.cpp $(f)/*/*/*.c)))
 LIB_OBJ     = $(patsubst %,$(BUILD)/%.o,$(call sources_in,lib)) $(BUILD)/kernels.o
@@ -306,7 +307,7 @@ $(BUILD)/tests/bench/%: $(BUILD)/tests/bench/%.c.o $(INSIDE)
 
 # A library that is an object of its own, so that its calls of the heap can be told from others'.
 HEAP_PARTS = $(patsubst %,$(BUILD)/%.o,$(addprefix tests/bench/,heap.c heap_count.c bench_replay.c) \
-             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c set_option.c near_name.c options.c option_values.c help.c cli.c log.c))
+             examples/fathom/replay/playback.c $(addprefix examples/fathom/shell/,settings.c set_option.c near_name.c options.c option_values.c help.c library.c cli.c log.c))
 $(BUILD)/tests/bench/heap: $(HEAP_PARTS) $(DRIVERS_OBJ) $(BUILD)/libfathom.so
 	$(call say,LD)
 	$(Q)$(CXX) -o $@ $(HEAP_PARTS) $(DRIVERS_OBJ) -L$(BUILD) -lfathom -Wl,-rpath,'$$ORIGIN/../..' $(ALL_LDFLAGS) $(DRIVERS_LIBS)

@@ -7,8 +7,7 @@
 #include "base/error_text.h"
 #include "inertial/inertial.h"
 #include "map/fusing.h"
-#include "map/surface.h"
-#include "map/volume.h"
+#include "map/view.h"
 #include "map/whole_mesh.h"
 #include "tracking/odometry.h"
 #include "tracking/track.h"
@@ -26,11 +25,15 @@ struct fathom {
     device device;
     depth_maps maps;
     volume volume;
+    integrator integrator;
+    caller_store store;
+    raycaster raycaster;
     inertial inertial;
     tracker tracker;
     fusing fusing;
-    surface_output surface;
+    mesher mesher;
     volume patch; /* of the whole mesh */
+    viewer viewer;
     int64_t arena_bytes;
 
     pose pose;             /* M of Figure 2: the last frame's camera to world */

@@ -600,17 +600,19 @@ typedef struct {
     double pose_covariance[36]; /* 6x6: alignment's where tracked, grown while reckoning */
     fathom_pose odometry;      /* the product of each frame's own motion, from first_pose on: drifts, and never jumps. What a
                                   robot's control wants */
-    double odometry_covariance[36]; /* 6x6, grown since the first frame */
+    double odometry_covariance[36]; /* 6x6, grown since the first frame: by the map's drift (1 mm and 0.1 degrees a root
+                                  second) and by what was reckoned */
     int32_t verdict;           /* fathom_verdict */
-    int32_t iterations;        /* spent, over all levels */
+    int32_t iterations;        /* spent, over all levels and attempts, those that failed too */
     int32_t pairs;             /* n: kept correspondences */
     int32_t overlap_pixels;    /* pixels where scan and model both had a surface */
     float rms_m;               /* sqrt(sum w r^2 / sum w), of the linear model after the update (Section 2: r = ||Ax - b||^2) */
     float weight;              /* sum of the pairs' weights; a perfect pair at 1 m weighs 1 */
     float singular_values[6];  /* of A, centred on the pairs and scaled by their spread, largest first */
     float condition;           /* kappa = largest / smallest singular value; INFINITY when the smallest is 0 */
-    float prior_rotation_rad;  /* angle between the seed and the result */
-    float prior_translation_m; /* distance between the seed and the result */
+    float prior_rotation_rad;  /* angle between the seed, where inertia put the camera, and the result; also where alignment
+                                  started elsewhere (searched) */
+    float prior_translation_m; /* distance between the two */
     float innovation_sigmas;   /* the same as a Mahalanobis distance under the seed's covariance */
     float agreement;           /* part of the pixels where the surface should be seen that agree; NAN: not looked at */
     float see_through;         /* part of them that sees through it */
@@ -625,6 +627,8 @@ typedef struct {
                                   and ms_maps may hold the rest of the frame before */
     int32_t unused;            /* 0 */
     float ms_total;
+    bool by_velocity;          /* while the IMU isn't known to be right: the frame was aligned from where the last velocity
+                                  leads, and prior_* and innovation_sigmas count from there */
 } fathom_result;
 
 /* One turn of the paper's loop (Figure 2): maps of the depth frame, seed from the inertial estimate, alignment, verdict,

@@ -28,7 +28,7 @@ static void first_turn(fathom *f, const fathom_depth_frame *scan, fathom_result 
         return;
     }
     if (has_depth(valid_part(&f->maps, scan))) fuse(&f->fusing, &f->pose, r);
-    r->fused = f->started = f->volume.count > 0;
+    r->fused = f->started = f->volume.pool.count > 0;
     if (!f->started) return;
     memset(f->covariance, 0, sizeof f->covariance);
     for (int i = 0; i < 6; i++) f->covariance[7 * i] = 1e-10;
@@ -79,7 +79,7 @@ static void report(fathom *f, fathom_result *r) {
     memcpy(r->pose_covariance, f->covariance, sizeof r->pose_covariance);
     r->odometry = pose_give(&f->odometry.at);
     memcpy(r->odometry_covariance, f->odometry.covariance, sizeof r->odometry_covariance);
-    r->blocks = f->volume.count;
+    r->blocks = f->volume.pool.count;
     r->gyro_health = f->inertial.check.gyro.health;
     r->accel_health = f->inertial.check.accel.health;
 }

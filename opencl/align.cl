@@ -13,17 +13,6 @@
 #define GROUP 1
 #endif
 
-/* Upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w |p|^2, pairs n,
- * pixels where both have a surface; p here counts from centre. */
-#define SUMS 35
-
-typedef struct {
-    float distance2;    /* most squared distance of a pair, m^2 */
-    float cos_angle;    /* least cosine between the normals */
-    float huber;        /* residual where the weight begins to fall, m */
-    float4 centre;      /* point that rotations are taken about, model camera */
-} pair_limits;
-
 /* WIDE pairs: the point from centre, the model's normal, residual and weight; all zero in lanes without a pair. */
 typedef struct {
     wfloat px, py, pz, nx, ny, nz, b, w;
@@ -81,10 +70,10 @@ inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
 }
 
 /* Global size: GROUP, rows. Local size: GROUP, 1. sums: SUMS floats a row.
- * depth, normals: the scan's, padded. model: normal and depth, in the model camera mc. */
+ * depth, normals: the scan's, padded. model: normal and depth, in the model kernel_camera mc. */
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void align_reduce(global const float *depth, global const float *normals, camera c, global const uint2 *model,
-                  camera mc, rigid motion, pair_limits limits, global float *sums) {
+void align_reduce(global const float *depth, global const float *normals, kernel_camera c, global const uint2 *model,
+                  kernel_camera mc, kernel_rigid motion, kernel_pair_limits limits, global float *sums) {
     int y = get_global_id(1);
     wfloat s[SUMS];
     wide_pairs pairs[KEPT];
@@ -159,8 +148,8 @@ void align_reduce(global const float *depth, global const float *normals, camera
         }
         accumulate(s, pairs, kept); /* 4 */
     }
-    s[33] = pair_count;
-    s[34] = overlap;
+    s[SUMS_PAIRS] = pair_count;
+    s[SUMS_OVERLAP] = overlap;
 #if GROUP > 1
     local float tree[GROUP];
     int lane = get_local_id(0);

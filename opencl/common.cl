@@ -1,22 +1,7 @@
-/* What all kernels share: cameras, poses, padded images, the block hash. OpenCL C 1.2.
+/* What all kernels share: vectors, padded images, rigid motions. OpenCL C 1.2.
  *
- * Depth images and their like are planes of floats with a margin of PAD_X columns and PAD_Y rows of zeros (invalid) on
- * every side, and rows are filled up to a multiple of sixteen pixels, so that a neighbourhood never leaves the buffer; AT
- * gives a pixel's index. Model maps have no margin. */
-
-#define PAD_X 8
-#define PAD_Y 2
-
-typedef struct {
-    float fx, fy, cx, cy; /* pinhole, pixels; a pixel's centre has integer coordinates */
-    int width, height;
-    int pitch;            /* floats from row to row of a padded plane */
-    int plane;            /* floats in a padded plane */
-} camera;
-
-typedef struct {
-    float4 x, y, z;       /* rows of the rotation, with the translation in w */
-} rigid;
+ * Depth images and their like are padded planes of floats (opencl/layout.h), so that a neighbourhood never leaves the
+ * buffer; AT gives a pixel's index. Model maps have no margin. */
 
 /* Pixels of a row that a work-item works on at once: 8 on a CPU, 1 on a GPU. */
 #ifndef LANES
@@ -134,16 +119,9 @@ inline void load_pairs(global const float *p, wfloat *even, wfloat *odd) {
 
 /* ---- a surface's points in eight bytes: a normal in 11, 11 and 10 bits, and a float (a depth, a plane's distance) ---- */
 
-#define NORMAL_UNIT (1.0f / 2145386496.0f) /* 1023 * 2^21 and 511.5 * 2^22 */
-
 inline vint pack_normals(vfloat x, vfloat y, vfloat z) { /* z is never 1: they face the camera */
     return (vnear(x * 1023.0f) << 21) | (vnear(y * 1023.0f) << 10 & 0x1ffc00) | (vnear(z * 511.5f) & 0x3ff);
 }
-
-/* Their components over NORMAL_UNIT. */
-#define NORMAL_X(n) ((n) & (int)0xffe00000)
-#define NORMAL_Y(n) ((n) << 11 & (int)0xffe00000)
-#define NORMAL_Z(n) ((n) << 22)
 
 inline uint2 pack_point(float3 n, float depth) { /* without a normal all is zero */
     int3 i = convert_int3_rtz(n * (float3)(1023.0f, 1023.0f, 511.5f) + 8192.5f) - 8192;
@@ -228,44 +206,21 @@ inline void store_points(int first, int second, int count, global uint2 *to) {
 #define FETCH_AHEAD(p) prefetch(p, 1)
 #endif
 
-#define TILE 8 /* side of the tiles that images are divided into, pixels */
-
 #define AT(c, px, py) (((py) + PAD_Y) * (c).pitch + (px) + PAD_X)
 
-inline float3 transform(rigid m, float3 p) {
+inline float3 transform(kernel_rigid m, float3 p) {
     return (float3)(dot(m.x.xyz, p) + m.x.w, dot(m.y.xyz, p) + m.y.w, dot(m.z.xyz, p) + m.z.w);
 }
 
-inline float3 rotate_vector(rigid m, float3 v) {
+inline float3 rotate_vector(kernel_rigid m, float3 v) {
     return (float3)(dot(m.x.xyz, v), dot(m.y.xyz, v), dot(m.z.xyz, v));
 }
 
-inline float3 rotate_back(rigid m, float3 v) {
+inline float3 rotate_back(kernel_rigid m, float3 v) {
     return m.x.xyz * v.x + m.y.xyz * v.y + m.z.xyz * v.z;
 }
 
 /* Standard deviation of a depth by triangulation (Khoshelham and Elberink 2012, eq. 8): noise.x + noise.y z^2 */
 inline float depth_sigma(float2 noise, float z) {
     return noise.x + noise.y * z * z;
-}
-
-/* ---- the block hash: open addressing, linear probing; an entry holds a block's coordinates and its place (w), -1: free -- */
-
-#define BLOCK_EDGE 8
-#define BLOCK_VOXELS 512
-#define TSDF_ONE 32767.0f  /* a stored distance of one truncation */
-#define NEVER_SEEN SHRT_MIN /* the stored distance of a voxel that no frame has reached */
-
-inline uint block_hash(int3 b) {
-    return ((uint)b.x * 73856093u) ^ ((uint)b.y * 19349669u) ^ ((uint)b.z * 83492791u);
-}
-
-inline int find_block(global const int4 *table, uint mask, int3 b) {
-    uint h = block_hash(b);
-    h = (h ^ (h >> 15)) & mask;
-    for (;;) {
-        int4 e = table[h];
-        if (e.w < 0 || (e.x == b.x && e.y == b.y && e.z == b.z)) return e.w;
-        h = (h + 1u) & mask;
-    }
 }

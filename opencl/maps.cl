@@ -1,17 +1,7 @@
 /* Depth maps: metric depth at the alignment's size, edge-preserving smoothing, pyramid, normals and confidence. */
 
-typedef struct {
-    float fx, fy, cx, cy;          /* of the depth frame */
-    float k1, k2, p1, p2, k3, k4, k5, k6; /* distortion, OpenCV's order */
-    int lens;                      /* fathom_lens: none, five coefficients, or eight (rational) */
-    int width, height;             /* of the depth frame */
-    int factor;                    /* depth size / map size */
-    float metres_per_unit;
-    float min_m, max_m;
-} depth_source;
-
 /* Where in the frame the ideal pinhole's pixel (x, y) lies, or -1 outside of it. */
-inline int source_index(depth_source s, int x, int y) {
+inline int source_index(kernel_depth_source s, int x, int y) {
     if (s.lens) {
         float u = ((float)x - s.cx) / s.fx, v = ((float)y - s.cy) / s.fy;
         float r2 = u * u + v * v;
@@ -28,7 +18,7 @@ inline int source_index(depth_source s, int x, int y) {
 }
 
 /* The depths of eight pixels of the map, each at (i, j) of its factor x factor pixels; 0: invalid. */
-inline float8 source_depths(global const ushort *raw, depth_source s, int x, int y, int i, int j) {
+inline float8 source_depths(global const ushort *raw, kernel_depth_source s, int x, int y, int i, int j) {
     ushort8 units;
     global const ushort *row = raw + (y * s.factor + j) * s.width;
     if (!s.lens && s.factor == 1 && x + 8 <= s.width) {
@@ -51,7 +41,8 @@ inline float8 source_depths(global const ushort *raw, depth_source s, int x, int
 
 /* Metric depth, averaged over factor x factor pixels as far as they belong to the nearest surface among them.
  * Global size: work-items that share a row, height of the map; each works on eight pixels at a time. */
-kernel void convert_depth(global const ushort *raw, depth_source s, camera c, float2 noise, global float *depth) {
+kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kernel_camera c, float2 noise,
+                          global float *depth) {
     int y = get_global_id(1);
     float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
     for (int x = get_global_id(0) * 8; x < c.width; x += get_global_size(0) * 8) {
@@ -82,7 +73,7 @@ kernel void convert_depth(global const ushort *raw, depth_source s, camera c, fl
 /* Edge-preserving smoothing over 5x5 pixels: weights fall with the distance in the image (binomial) and with the
  * difference of depth in units of its noise (Tukey's biweight, which is zero beyond `reach` sigma and needs no exp).
  * Global size: work-items that share a row, height. */
-kernel void smooth_depth(global const float *depth, camera c, float2 noise, float reach, global float *smooth) {
+kernel void smooth_depth(global const float *depth, kernel_camera c, float2 noise, float reach, global float *smooth) {
     int y = get_global_id(1);
     wfloat zero = 0.0f;
     const float binomial[5] = {1.0f, 4.0f, 6.0f, 4.0f, 1.0f};
@@ -108,7 +99,8 @@ kernel void smooth_depth(global const float *depth, camera c, float2 noise, floa
 
 /* The next coarser depth: 2x2 pixels averaged as far as they belong to the nearest surface among them.
  * Global size: work-items that share a row, height of the coarser map. */
-kernel void halve_depth(global const float *fine, camera f, camera c, float2 noise, global float *coarse) {
+kernel void halve_depth(global const float *fine, kernel_camera f, kernel_camera c, float2 noise,
+                        global float *coarse) {
     int y = get_global_id(1);
     wfloat zero = 0.0f, one = 1.0f, never = INFINITY;
     for (int x = get_global_id(0) * WIDE; x < c.width; x += get_global_size(0) * WIDE) {
@@ -131,7 +123,7 @@ kernel void halve_depth(global const float *fine, camera f, camera c, float2 noi
  * confidence, the weight of Section 2: the depth's inverse variance relative to that at 1 m ("distance"), lowered where
  * the surface bends from pixel to pixel ("normal variation"). Four planes: nx, ny, nz, confidence; all zero: no normal.
  * Global size: work-items that share a row, height. */
-kernel void normal_map(global const float *depth, camera c, float2 noise, global float *normals) {
+kernel void normal_map(global const float *depth, kernel_camera c, float2 noise, global float *normals) {
     int y = get_global_id(1);
     wfloat zero = 0.0f, one = 1.0f, quarter = 0.25f;
     float sigma_1m = depth_sigma(noise, 1.0f);
@@ -169,7 +161,7 @@ kernel void normal_map(global const float *depth, camera c, float2 noise, global
 
 /* A frame's maps in the model's form, normal and depth, so that the next one can be aligned with it. Global size: width,
  * height. */
-kernel void pack_map(global const float *depth, global const float *normals, camera c, global uint2 *packed) {
+kernel void pack_map(global const float *depth, global const float *normals, kernel_camera c, global uint2 *packed) {
     int x = get_global_id(0), y = get_global_id(1);
     int i = AT(c, x, y);
     packed[y * c.width + x] = pack_point((float3)(normals[i], normals[c.plane + i], normals[2 * c.plane + i]), depth[i]);
@@ -177,7 +169,7 @@ kernel void pack_map(global const float *depth, global const float *normals, cam
 
 /* The next coarser model map: of 2x2 pixels those near the nearest one are averaged.
  * Global size: width, height of the coarser map. */
-kernel void halve_map(global const uint2 *fine, camera f, camera c, global uint2 *coarse) {
+kernel void halve_map(global const uint2 *fine, kernel_camera f, kernel_camera c, global uint2 *coarse) {
     int x = get_global_id(0), y = get_global_id(1);
     float nearest = INFINITY;
     for (int k = 0; k < 4; k++) {

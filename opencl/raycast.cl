@@ -1,37 +1,16 @@
 /* Ray-cast of the surface to model maps (Newcombe et al. 2011, "KinectFusion", Section 3.3), over the hashed blocks. */
 
-typedef struct {
-    float voxel, truncation;  /* metres */
-    uint mask;                /* of the hash table */
-    float min_weight;         /* voxels below count as never seen; in stored units; 0: all that were seen count */
-} surface;
-
-/* A voxel's stored distance in truncations, or NAN where it was never seen. *last, *place: the block looked up last. */
-inline float voxel_at(global const short *voxels, global const int4 *table, surface f, int3 i, int3 *last, int *place) {
-    int3 b = i >> 3;
-    if (any(b != *last)) {
-        *last = b;
-        *place = find_block(table, f.mask, b);
-    }
-    if (*place < 0) return NAN;
-    global const short *block = voxels + (size_t)*place * 2 * BLOCK_VOXELS;
-    int at = ((i.z & 7) * 8 + (i.y & 7)) * 8 + (i.x & 7);
-    short d = block[at];
-    if (f.min_weight > 0.0f && (float)((global const ushort *)block)[BLOCK_VOXELS + at] <= f.min_weight) return NAN;
-    return d == NEVER_SEEN ? NAN : (float)d * (1.0f / TSDF_ONE);
-}
-
 /* The eight stored distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. Doesn't look at
  * min_weight: for ray-casts. */
-inline bool stored_cube(global const short *voxels, global const int4 *table, surface f, int3 i, short8 *cube, int3 *last,
-                        int *place) {
+inline bool stored_cube(global const short *voxels, global const int4 *table, kernel_surface f, int3 i, short8 *cube,
+                        int3 *last, int *place) {
     int3 in = i & 7, b = i >> 3;
     if (any(b != *last)) {
         *last = b;
-        *place = find_block(table, f.mask, b);
+        *place = find_block(table, f.mask, f.submap, b);
     }
     if (*place < 0) return false;
-    global const short *d = voxels + (size_t)*place * 2 * BLOCK_VOXELS + (in.z * 8 + in.y) * 8 + in.x;
+    global const short *d = voxels + DISTANCES_OF(*place) + (in.z * 8 + in.y) * 8 + in.x;
     short8 stored;
     if (all(in < 7)) { /* within one block */
         stored = (short8)(vload2(0, d), vload2(0, d + 8), vload2(0, d + 64), vload2(0, d + 72));
@@ -46,9 +25,10 @@ inline bool stored_cube(global const short *voxels, global const int4 *table, su
                 continue;
             }
             int3 next = (int3)(k & 1, (k >> 1) & 1, k >> 2);
-            int there = find_block(table, f.mask, b + next);
+            int there = find_block(table, f.mask, f.submap, b + next);
             if (there < 0) return false;
-            from[k] = voxels + (size_t)there * 2 * BLOCK_VOXELS + ((in.z - 8 * next.z) * 8 + in.y - 8 * next.y) * 8 + in.x - 8 * next.x;
+            int3 at = in - 8 * next;
+            from[k] = voxels + DISTANCES_OF(there) + (at.z * 8 + at.y) * 8 + at.x;
         }
         for (int k = 0; k < 8; k++) c[k] = from[k][(k & 1) + (k >> 1 & 1) * 8 + (k >> 2) * 64];
         stored = vload8(0, c);
@@ -58,8 +38,8 @@ inline bool stored_cube(global const short *voxels, global const int4 *table, su
 }
 
 /* The same in truncations. */
-inline bool cube_at(global const short *voxels, global const int4 *table, surface f, int3 i, float8 *cube, int3 *last,
-                    int *place) {
+inline bool cube_at(global const short *voxels, global const int4 *table, kernel_surface f, int3 i, float8 *cube,
+                    int3 *last, int *place) {
     short8 stored;
     bool seen = stored_cube(voxels, table, f, i, &stored, last, place);
     if (seen) *cube = convert_float8(stored) * (1.0f / TSDF_ONE);
@@ -82,7 +62,7 @@ inline float3 interpolate_gradient(float8 c, float3 t) {
 }
 
 /* Distance at p, in voxels; NAN if one of the eight voxels about it was never seen. */
-inline float distance_at(global const short *voxels, global const int4 *table, surface f, float3 p, int3 *last,
+inline float distance_at(global const short *voxels, global const int4 *table, kernel_surface f, float3 p, int3 *last,
                          int *place) {
     float8 c;
     int3 i = convert_int3_rtn(p);
@@ -98,10 +78,11 @@ kernel void clear_ranges(global int *ranges) {
     ranges[2 * i + 1] = 0;
 }
 
-kernel void range_blocks(global const int4 *blocks, camera c, rigid world_to_camera, float voxel, float near_m,
-                         float far_m, global int *ranges) {
+kernel void range_blocks(global const int4 *blocks, kernel_surface f, kernel_camera c, kernel_rigid world_to_camera,
+                         float near_m, float far_m, global int *ranges) {
     int4 b = blocks[get_global_id(0)];
-    float edge = voxel * BLOCK_EDGE;
+    if (b.w != f.submap) return;
+    float voxel = f.voxel, edge = voxel * BLOCK_EDGE;
     float3 o = transform(world_to_camera, convert_float3(b.xyz) * edge);
     /* samples lie at 0..7 voxels, but the surface between the blocks belongs to both: half a voxel more on each side */
     float3 ex = edge * (float3)(world_to_camera.x.x, world_to_camera.y.x, world_to_camera.z.x);
@@ -139,7 +120,7 @@ typedef struct {
     float3 ray; /* of the pixel, in camera axes, with z = 1 */
 } voxel_ray;
 
-inline voxel_ray pixel_ray(surface f, camera c, rigid pose, int x, int y) {
+inline voxel_ray pixel_ray(kernel_surface f, kernel_camera c, kernel_rigid pose, int x, int y) {
     voxel_ray r;
     r.ray = (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f);
     r.step = rotate_vector(pose, r.ray) / f.voxel;
@@ -148,7 +129,7 @@ inline voxel_ray pixel_ray(surface f, camera c, rigid pose, int x, int y) {
 }
 
 /* A hit: normal in camera axes and depth; zero when the surface is seen from behind. */
-inline float4 model_point(rigid pose, voxel_ray r, float3 gradient, float depth) {
+inline float4 model_point(kernel_rigid pose, voxel_ray r, float3 gradient, float depth) {
     float length2 = dot(gradient, gradient);
     if (!(length2 > 1e-8f)) return (float4)(0.0f);
     float3 n = rotate_back(pose, gradient * rsqrt(length2));
@@ -157,8 +138,8 @@ inline float4 model_point(rigid pose, voxel_ray r, float3 gradient, float depth)
 
 /* From block to block where there are none, by the stored distance where there are, to the first change from outside to
  * inside; there the distance is interpolated between voxels and the crossing found by regula falsi. */
-inline float4 march(global const short *voxels, global const int4 *table, surface f, rigid pose, voxel_ray r, float t,
-                    float end) {
+inline float4 march(global const short *voxels, global const int4 *table, kernel_surface f, kernel_rigid pose,
+                    voxel_ray r, float t, float end) {
     float speed = length(r.step); /* voxels a metre of depth */
     float3 inverse = 1.0f / r.step;
     float one_voxel = 1.0f / speed;
@@ -216,8 +197,8 @@ inline float4 march(global const short *voxels, global const int4 *table, surfac
 
 /* The surface as the camera sees it: normal in camera axes, towards the camera, and depth; zero where nothing was met.
  * Global size: width, height. */
-kernel void raycast(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
-                    global const int *ranges, global uint2 *model) {
+kernel void raycast(global const short *voxels, global const int4 *table, kernel_surface f, kernel_camera c,
+                    kernel_rigid pose, global const int *ranges, global uint2 *model) {
     int x = get_global_id(0), y = get_global_id(1);
     int tile = y / TILE * ((c.width + TILE - 1) / TILE) + x / TILE;
     float4 point = march(voxels, table, f, pose, pixel_ray(f, c, pose, x, y), as_float(ranges[2 * tile]),
@@ -242,8 +223,8 @@ kernel void raycast(global const short *voxels, global const int4 *table, surfac
  * nearly right, the scan's own depth is the best start: Newton's method along the ray from there, one or two cubes of
  * voxels instead of a march. Where that fails, and `marched` isn't 0, the ray is marched from `reach` before the scan's
  * depth to as far behind. Global size: strips of LANES pixels a row, height. */
-kernel void raycast_near(global const short *voxels, global const int4 *table, surface f, camera c, rigid pose,
-                         global const float *scan, float reach, int marched, global uint2 *model) {
+kernel void raycast_near(global const short *voxels, global const int4 *table, kernel_surface f, kernel_camera c,
+                         kernel_rigid pose, global const float *scan, float reach, int marched, global uint2 *model) {
     int x0 = get_global_id(0) * LANES, y = get_global_id(1);
     vfloat z = VLOAD(scan + AT(c, x0, y)), t = z;
     vfloat u = ((float)x0 + IOTA - c.cx) / c.fx; /* of the rays, in camera axes, with z = 1 */

@@ -76,7 +76,7 @@ static int take_frame(struct calibrate *c, struct playback *playback, const fath
                                       .width = rig->width,
                                       .height = rig->height};
     fathom_result result = FATHOM_STRUCT(fathom_result);
-    const int stepped = fathom_step(playback->scan, &frame, &result);
+    const int stepped = fathom_step(playback->library.scan, &frame, &result);
     if (stepped < 0) return cli_error(CLI_FAILED, "frame %d: %s", index, log_reason(&c->log, stepped));
     struct path_point *point = &c->path.points[c->path.count++];
     point->timestamp_ns = frame.timestamp_ns;

@@ -3,8 +3,8 @@
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
-#include "fathom/shell/log.h"
 #include "fathom/settings_page.h"
+#include "fathom/shell/library.h"
 #include "fathom/shell/settings.h"
 
 #include <CL/cl.h>
@@ -61,9 +61,7 @@ static int print_plan(const struct settings *settings, struct cli_log *log) {
     fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
     const int result = fathom_plan_memory(&settings->config, &plan, NULL, 0);
     if (result < 0)
-        return cli_error(result == FATHOM_ERROR_CONFIG || result == FATHOM_ERROR_MEMORY ? CLI_USAGE
-                                                                                        : CLI_FAILED,
-                         "%s", log_reason(log, result));
+        return cli_error(library_status(result), "%s", log_reason(log, result));
     printf("plan: %s\n", plan.device);
     printf("    depth %dx%d, maps %dx%d, voxel %g m\n", settings->config.depth_camera.width,
            settings->config.depth_camera.height, plan.align_width, plan.align_height,

@@ -2,29 +2,24 @@
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/option_values.h"
-#include "fathom/shell/log.h"
+#include "fathom/shell/library.h"
 #include "fathom/shell/settings.h"
 
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-static int save(const struct settings *settings, const char *file, struct cli_log *log) {
-    fathom_memory_plan plan = FATHOM_STRUCT(fathom_memory_plan);
-    int result = fathom_plan_memory(&settings->config, &plan, NULL, 0);
-    if (result < 0) return cli_error(CLI_USAGE, "%s", log_reason(log, result));
-    void *memory = malloc((size_t)plan.host_bytes);
-    fathom *scan = NULL;
-    if (!memory)
-        return cli_error(CLI_FAILED, "out of memory: %lld bytes for the library", (long long)plan.host_bytes);
-    result = fathom_init(&scan, &settings->config, memory, (size_t)plan.host_bytes, NULL, 0);
-    if (result == FATHOM_OK) result = fathom_save_kernels(scan, file);
-    fathom_close(scan);
-    free(memory);
-    if (result < 0) return cli_error(CLI_FAILED, "%s: %s", file, log_reason(log, result));
-    printf("%s: kernels for %s, depth %dx%d, maps %dx%d\n", file, plan.device, settings->config.depth_camera.width,
-           settings->config.depth_camera.height, plan.align_width, plan.align_height);
-    return CLI_DONE;
+static int save(fathom_config *config, const char *file, struct cli_log *log) {
+    struct library library = {0};
+    const fathom_memory_plan *plan = &library.plan;
+    int status = library_start(&library, config, log);
+    if (!status) {
+        const int saved = fathom_save_kernels(library.scan, file);
+        if (saved < 0) status = cli_error(CLI_FAILED, "%s: %s", file, log_reason(log, saved));
+    }
+    if (!status)
+        printf("%s: kernels for %s, depth %dx%d, maps %dx%d\n", file, plan->device, config->depth_camera.width,
+               config->depth_camera.height, plan->align_width, plan->align_height);
+    library_stop(&library);
+    return status;
 }
 
 struct kernels {
@@ -55,9 +50,7 @@ static int run(const struct command *command, int argc, char **argv) {
         config->depth_camera.height = kernels.depth.height;
     }
     settings_apply_set(&kernels.settings, config);
-    config->log = log_message;
-    config->log_user = &log;
-    return save(&kernels.settings, kernels.file, &log);
+    return save(config, kernels.file, &log);
 }
 
 const struct command command_kernels = {

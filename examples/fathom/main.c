@@ -20,6 +20,15 @@ static int complete(int argc, char **argv) {
     return CLI_DONE;
 }
 
+static int refuse(const char *name) {
+    const char *names[sizeof commands / sizeof *commands];
+    int count = 0;
+    for (; commands[count]; count++) names[count] = commands[count]->name;
+    const char *meant = options_nearest(name, names, count);
+    return meant ? cli_error(CLI_USAGE, "unknown command '%s'; did you mean %s? fathom --help lists them", name, meant)
+                 : cli_error(CLI_USAGE, "unknown command '%s'; fathom --help lists them", name);
+}
+
 static int run(int argc, char **argv) {
     const char *name = argv[1];
     if (argc < 2) return cli_error(CLI_USAGE, "no command given; fathom --help lists them");
@@ -33,7 +42,7 @@ static int run(int argc, char **argv) {
     else if (!strcmp(name, "--man"))
         manual_print(commands);
     else
-        return cli_error(CLI_USAGE, "unknown command '%s'; fathom --help lists them", name);
+        return refuse(name);
     return CLI_DONE;
 }
 

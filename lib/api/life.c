@@ -9,8 +9,11 @@
 
 static void close_parts(fathom *f) {
     volume_close(&f->volume);
+    integrator_close(&f->integrator);
+    raycaster_close(&f->raycaster);
     whole_mesh_close(&f->patch);
-    surface_close(&f->surface);
+    mesher_close(&f->mesher);
+    viewer_close(&f->viewer);
     tracker_close(&f->tracker);
     depth_maps_close(&f->maps);
     device_close(&f->device);
@@ -18,6 +21,7 @@ static void close_parts(fathom *f) {
 
 static void start_over(fathom *f) {
     volume_clear(&f->volume, &f->device);
+    integrator_clear(&f->integrator);
     inertial_drain(&f->inertial);
     inertial_reset(&f->inertial);
     pose_take(&f->config.first_pose, &f->pose);

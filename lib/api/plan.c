@@ -8,15 +8,25 @@
 #include "base/log.h"
 #include "base/sized.h"
 
+/* Tiles of the largest view that is ray-cast: the finest maps, or the wide view where maps are small. */
+static int max_tiles(const fathom *f) {
+    int finest = kernel_tiles(&f->maps.camera[FINEST]), wide = kernel_tiles(&f->tracker.view.wide);
+    return finest > wide ? finest : wide;
+}
+
 void plan_layout(fathom *f, arena *a, int blocks) {
     depth_maps_init(&f->maps, &f->device, a, &f->config);
-    surface_init(&f->surface, &f->device, a, &f->maps);
+    mesher_init(&f->mesher, &f->device, a);
+    viewer_init(&f->viewer, &f->device, a, &f->maps);
+    integrator_init(&f->integrator, &f->device, a, &f->config, &f->maps);
+    store_init(&f->store, &f->config);
     inertial_init(&f->inertial, a, &f->config);
     f->recent.results = arena_take(a, FATHOM_RECENT * sizeof *f->recent.results);
     whole_mesh_init(&f->patch, &f->device, a, &f->config);
-    tracker_init(&f->tracker, &f->device, a, &f->config, &f->maps, &f->volume, &f->inertial);
-    fusing_init(&f->fusing, &f->device, &f->config, &f->maps, &f->volume);
-    volume_init(&f->volume, &f->device, a, &f->config, &f->maps, blocks);
+    tracker_init(&f->tracker, &f->device, a, &f->config, &f->maps, &f->raycaster, &f->inertial);
+    fusing_init(&f->fusing, &f->device, &f->config, &f->maps, &f->volume, &f->integrator, &f->store);
+    raycaster_init(&f->raycaster, &f->device, a, &f->volume, max_tiles(f));
+    volume_init(&f->volume, &f->device, a, &f->config, blocks);
 }
 
 static int64_t bytes_with(fathom *f, int blocks, int64_t *device_bytes) {

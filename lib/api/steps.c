@@ -34,7 +34,7 @@ int fathom_step(fathom *f, const fathom_depth_frame *given, fathom_result *resul
         f->said_full = true;
         log_write(&f->config, FATHOM_LOG_WARNING,
                    "the block pool is full (%d blocks): the surface no longer grows, tracking goes on",
-                   f->volume.capacity);
+                   f->volume.pool.capacity);
     }
     return e;
 }

@@ -21,7 +21,7 @@ int fathom_cast_view(fathom *f, const fathom_view *given, float *depth, float *n
     if (e == FATHOM_OK) e = call_take(f, &view, sizeof view, given, "fathom_view");
     if (e == FATHOM_OK) e = view_check(f, &view, &at);
     if (e != FATHOM_OK) return e;
-    surface_view(&f->surface, &f->device, &f->volume, &view, &at, depth, normals);
+    view_render(&f->viewer, &f->device, &f->raycaster, &view, &at, depth, normals);
     return call_end(f);
 }
 
@@ -43,7 +43,7 @@ static int64_t mesh_end(fathom *f, int64_t count) {
 int64_t fathom_extract_mesh(fathom *f, float min_weight, fathom_triangles triangles, void *user) {
     int e = mesh_check(f, min_weight, triangles);
     if (e != FATHOM_OK) return e;
-    return mesh_end(f, surface_extract(&f->surface, &f->device, &f->volume, min_weight, triangles, user));
+    return mesh_end(f, mesh_extract(&f->mesher, &f->device, &f->volume, min_weight, triangles, user));
 }
 
 int64_t fathom_extract_whole_mesh(fathom *f, float min_weight, const int32_t *dropped, size_t count,
@@ -53,11 +53,11 @@ int64_t fathom_extract_whole_mesh(fathom *f, float min_weight, const int32_t *dr
     int e = mesh_check(f, min_weight, triangles);
     if (e != FATHOM_OK) return e;
     if (!dropped) return call_refuse(f, "dropped is NULL");
-    if (f->patch.capacity == 0 || !f->config.block_in)
+    if (f->patch.pool.capacity == 0 || !f->config.block_in)
         return call_refuse(f, "a mesh of dropped blocks needs FATHOM_FULL_DROP and block_in");
     for (size_t i = 0; i < 3 * count; i++)
         if (dropped[i] < -index_max || dropped[i] > index_max)
             return call_refuse(f, "dropped block %zu has an index beyond +-2^27", i / 3);
-    return mesh_end(f, whole_mesh_extract(&f->patch, &f->volume, &f->surface, &f->device, dropped, count, min_weight,
-                                          triangles, user));
+    return mesh_end(f, whole_mesh_extract(&f->patch, &f->volume, &f->mesher, &f->device, &f->store, dropped, count,
+                                          min_weight, triangles, user));
 }

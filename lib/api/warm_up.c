@@ -3,6 +3,8 @@
 void warm_up(fathom *f) {
     device *d = &f->device;
     volume *v = &f->volume;
+    integrator *g = &f->integrator;
+    raycaster *r = &f->raycaster;
     const pose here = pose_identity();
     const double centre[3] = {0, 0, 1};
     normal_equations e;
@@ -14,17 +16,16 @@ void warm_up(fathom *f) {
                      centre, &e);
     }
     /* a block in front of the camera */
-    volume_request(v, d, &f->maps, &here, false);
-    volume_allocate(v, d);
-    device_clear(d, &v->blocks);
-    volume_clear_blocks(v, d, 0, 1);
-    v->count = 1;
-    volume_fuse(v, d, &f->maps, &here, false);
-    volume_raycast_near(v, d, &f->maps, &here, 0.1f, true, &f->tracker.models.level[FINEST]);
-    volume_halve_maps(v, d, f->maps.camera, f->tracker.models.level, 0);
-    model_view_cast(&f->tracker.view, d, v, &here);
-    model_view_cast_wide(&f->tracker.view, d, v, &here);
-    surface_warm_up(&f->surface, d, v);
+    integrator_request(g, d, v, &f->maps, &here, false);
+    integrator_allocate(g, d, v);
+    device_clear(d, &v->pool.keys);
+    integrator_clear_blocks(g, d, v, 0, 1);
+    v->pool.count = 1;
+    integrator_fuse(g, d, v, &f->maps, &here, false);
+    raycast_near(r, d, &f->maps, &here, 0.1f, true, &f->tracker.models.level[FINEST]);
+    raycast_halve(r, d, f->maps.camera, f->tracker.models.level, 0);
+    model_view_cast(&f->tracker.view, d, r, &here);
+    model_view_cast_wide(&f->tracker.view, d, r, &here);
+    mesh_warm_up(&f->mesher, d, v);
     device_wait(d);
-    volume_clear(v, d);
 }

@@ -251,12 +251,12 @@ void bench_volume_make(bench_volume *v, int capacity, float voxel, float truncat
     v->capacity = capacity;
     v->entries = 16;
     while (v->entries < capacity + capacity / 2) v->entries *= 2; /* full enough for collisions */
-    v->surface = (kernel_surface){voxel, truncation, (cl_uint)v->entries - 1, 0};
+    v->surface = (kernel_surface){.voxel = voxel, .truncation = truncation, .mask = (cl_uint)v->entries - 1};
     v->blocks = bench_alloc((size_t)capacity * sizeof *v->blocks);
-    v->table = bench_alloc((size_t)v->entries * sizeof *v->table);
+    v->table = bench_alloc(TABLE_BYTES(v->entries));
     v->voxels = bench_alloc((size_t)capacity * BLOCK_BYTES);
     for (int i = 0; i < capacity; i++) ref_clear_blocks(i, 1, v->voxels);
-    memset(v->table, 0xff, (size_t)v->entries * sizeof *v->table);
+    memset(v->table, 0xff, TABLE_BYTES(v->entries));
 }
 
 void bench_volume_free(bench_volume *v) {
@@ -266,24 +266,24 @@ void bench_volume_free(bench_volume *v) {
 }
 
 int bench_volume_add(bench_volume *v, int x, int y, int z) {
-    /* opencl/common.cl: open addressing from the hash on (Teschner et al. 2003), its upper half folded in */
-    cl_uint h = (cl_uint)x * 73856093u ^ (cl_uint)y * 19349669u ^ (cl_uint)z * 83492791u;
-    for (h ^= h >> 15;; h++) {
-        cl_int4 *entry = &v->table[h & v->surface.mask];
-        if (entry->s[3] < 0) {
+    const cl_int4 key = {{x, y, z, v->surface.submap}};
+    cl_int *places = (cl_int *)(v->table + v->entries);
+    for (cl_uint h = block_hash(x, y, z, v->surface.submap);; h++) {
+        cl_uint at = h & v->surface.mask;
+        if (v->table[at].s[3] == FREE_ENTRY) {
             if (v->count == v->capacity) abort();
-            *entry = (cl_int4){{x, y, z, v->count}};
-            v->blocks[v->count] = *entry;
+            v->table[at] = v->blocks[v->count] = key;
+            places[at] = v->count;
             return v->count++;
         }
-        if (entry->s[0] == x && entry->s[1] == y && entry->s[2] == z) return entry->s[3];
+        if (memcmp(&v->table[at], &key, sizeof key) == 0) return places[at];
     }
 }
 
 void bench_volume_upload(bench *b, bench_volume *v) {
     size_t blocks = (size_t)(v->count ? v->count : 1);
     v->blocks_memory = bench_buffer(b, blocks * sizeof *v->blocks, v->blocks);
-    v->table_memory = bench_buffer(b, (size_t)v->entries * sizeof *v->table, v->table);
+    v->table_memory = bench_buffer(b, TABLE_BYTES(v->entries), v->table);
     v->voxels_memory = bench_buffer(b, blocks * BLOCK_BYTES, v->voxels);
 }
 

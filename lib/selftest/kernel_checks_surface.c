@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "map/surface.h"
+#include "map/mesh.h"
 #include "selftest/kernel_checks_bench.h"
 
 static int tiles_of(const kernel_camera *c) {
@@ -16,10 +16,9 @@ static int tiles_of(const kernel_camera *c) {
 static cl_mem make_ranges(bench *b, bench_volume *v, const kernel_camera *c,
                           const kernel_rigid *world_to_camera, float near_m, float far_m) {
     cl_mem ranges = bench_buffer(b, (size_t)tiles_of(c) * 2 * sizeof(float), NULL);
-    cl_float voxel = v->surface.voxel;
     LAUNCH(b, "clear_ranges", (size_t)tiles_of(c), 1, 0, ARG(ranges));
-    LAUNCH(b, "range_blocks", (size_t)v->count, 1, 1, ARG(v->blocks_memory), ARG(*c), ARG(*world_to_camera),
-           ARG(voxel), ARG(near_m), ARG(far_m), ARG(ranges));
+    LAUNCH(b, "range_blocks", (size_t)v->count, 1, 1, ARG(v->blocks_memory), ARG(v->surface), ARG(*c), ARG(*world_to_camera),
+           ARG(near_m), ARG(far_m), ARG(ranges));
     return ranges;
 }
 
@@ -258,7 +257,7 @@ void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit) {
     kernel_surface f = v->surface;
     f.min_weight = min_weight;
     uint8_t cases[256 * 16];
-    surface_cases(cases);
+    mesh_cases(cases);
     ref_volume reference;
     ref_volume_open(&reference, v->blocks, v->count, v->voxels, &f);
     bench_volume_upload(b, v);

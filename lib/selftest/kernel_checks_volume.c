@@ -75,7 +75,7 @@ void compare_request_blocks(bench *b, const float *depth, const kernel_camera *c
            farthest = bench_buffer(b, count_bytes, NULL);
     LAUNCH_ROWS(b, "request_blocks", tiles_x, tiles_y, ARG(depth_memory), ARG(*c), ARG(*camera_to_world),
                 ARG(block_m), ARG(v->surface.truncation), ARG(v->table_memory), ARG(v->surface.mask),
-                ARG(requests_memory), ARG(counts_memory), ARG(farthest), ARG(turn));
+                ARG(v->surface.submap), ARG(requests_memory), ARG(counts_memory), ARG(farthest), ARG(turn));
     bench_read(b, requests_memory, requests, request_bytes);
     bench_read(b, counts_memory, counts, count_bytes);
     bench_read(b, farthest, got_farthest, count_bytes);
@@ -270,7 +270,7 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
            farthest_memory = bench_buffer(b, (size_t)tiles * 4, farthest),
            seen_memory = bench_buffer(b, seen_bytes, NULL);
     LAUNCH_ROWS(b, "fuse_blocks", 64, v->count, ARG(planes_memory), ARG(*c), ARG(farthest_memory),
-                ARG(*world_to_camera), ARG(voxel), ARG(truncation), ARG(most), ARG(v->blocks_memory),
+                ARG(*world_to_camera), ARG(v->surface), ARG(most), ARG(v->blocks_memory),
                 ARG(settled), ARG(turn), ARG(frame), ARG(seen_memory), ARG(v->voxels_memory));
     bench_read(b, v->voxels_memory, got, bytes);
     bench_read(b, seen_memory, seen, seen_bytes);

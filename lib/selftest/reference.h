@@ -55,9 +55,9 @@ void ref_align_reduce(const float *depth, const float *normals, const kernel_cam
                       const kernel_camera *mc, const kernel_rigid *motion, const kernel_pair_limits *limits,
                       double *sums, double *magnitudes, uint8_t *doubt);
 
-/* ---- opencl/volume.cl (reference_volume.c) ---- */
+/* ---- opencl/integrate.cl (reference_volume.c) ---- */
 
-/* A surface to look things up in; blocks[i] has its place in w. */
+/* A surface to look things up in; blocks[i] lies in place i. */
 typedef struct {
     const cl_int4 *blocks;
     int count;
@@ -110,7 +110,7 @@ void ref_fuse_blocks(const cl_uint2 *planes, const kernel_camera *c, const kerne
                      double voxel, double truncation, double max_weight, const cl_int4 *blocks, int count,
                      int settled, int turn, int16_t *voxels, uint8_t *outcomes);
 
-/* ---- opencl/raycast.cl, opencl/surface.cl (reference_surface.c) ---- */
+/* ---- opencl/raycast.cl, opencl/mesh.cl (reference_surface.c) ---- */
 
 void ref_clear_ranges(int tiles, float *ranges);
 /* Near and far for each tile: twice, without and with the blocks whose tile is in doubt. */
@@ -124,7 +124,7 @@ void ref_raycast(ref_volume *v, const kernel_camera *c, const kernel_rigid *came
  * slack of the ends. */
 void ref_raycast_near(ref_volume *v, const kernel_camera *c, const kernel_rigid *camera_to_world,
                       const float *scan, double reach, double slack, float *model, uint8_t *doubt);
-/* Triangles of blocks first..first+count-1. cases: surface_cases(). */
+/* Triangles of blocks first..first+count-1. cases: mesh_cases(). */
 void ref_count_triangles(ref_volume *v, const uint8_t *cases, int first, int count, int *counts);
 /* 18 floats a triangle, block after block. */
 void ref_emit_triangles(ref_volume *v, const uint8_t *cases, int first, int count, float *vertices);

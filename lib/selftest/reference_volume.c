@@ -42,7 +42,7 @@ int ref_volume_place(ref_volume *v, int x, int y, int z) {
             v->last_block[0] = x;
             v->last_block[1] = y;
             v->last_block[2] = z;
-            return v->last = v->blocks[v->order[middle]].s[3];
+            return v->last = v->order[middle];
         }
         if (side < 0)
             low = middle + 1;

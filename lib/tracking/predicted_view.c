@@ -23,28 +23,28 @@ void model_view_close(model_view *w) {
     device_buffer_free(&w->map);
 }
 
-void model_view_cast(model_view *w, device *d, volume *v, const pose *camera_to_world) {
-    volume_raycast(v, d, &w->same, camera_to_world, w->near_m, w->far_m, &w->map);
+void model_view_cast(model_view *w, device *d, raycaster *r, const pose *camera_to_world) {
+    raycast_view(r, d, &w->same, camera_to_world, w->near_m, w->far_m, &w->map);
 }
 
-void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camera_to_world) {
-    volume_raycast(v, d, &w->wide, camera_to_world, w->near_m, w->far_m, &w->map);
+void model_view_cast_wide(model_view *w, device *d, raycaster *r, const pose *camera_to_world) {
+    raycast_view(r, d, &w->wide, camera_to_world, w->near_m, w->far_m, &w->map);
 }
 
-double model_view_part(model_view *w, device *d, volume *v, const pose *camera_to_world) {
+double model_view_part(model_view *w, device *d, raycaster *r, const pose *camera_to_world) {
     int pixels = w->same.width * w->same.height, seen = 0;
-    model_view_cast(w, d, v, camera_to_world);
+    model_view_cast(w, d, r, camera_to_world);
     const cl_uint2 *model = device_map(d, &w->map, CL_MAP_READ);
     for (int i = 0; model && i < pixels; i++) seen += kernel_point_of(model[i]).depth > 0;
     device_unmap(d, &w->map, (void *)model);
     return (double)seen / pixels;
 }
 
-void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, const pose *camera_to_world,
+void model_view_compare(model_view *w, device *d, depth_maps *maps, raycaster *r, const pose *camera_to_world,
                         float tolerance_m, comparison *out) {
     const kernel_camera *c = &w->same;
     memset(out, 0, sizeof *out);
-    model_view_cast(w, d, v, camera_to_world);
+    model_view_cast(w, d, r, camera_to_world);
     const cl_uint2 *model = device_map(d, &w->map, CL_MAP_READ);
     const float *depth = device_map(d, &maps->depth[w->level], CL_MAP_READ);
     const float *normals = device_map(d, &maps->normals[w->level], CL_MAP_READ);

@@ -3,7 +3,7 @@
 #ifndef FATHOM_MODEL_VIEW_H
 #define FATHOM_MODEL_VIEW_H
 
-#include "map/volume.h"
+#include "map/raycast.h"
 
 typedef struct {
     device_buffer map;  /* normal and depth, row by row */
@@ -25,16 +25,16 @@ void model_view_init(model_view *w, device *d, arena *a, const fathom_config *co
 void model_view_close(model_view *w);
 
 /* Waits for the device. tolerance_m: beside three sigma of the depth. */
-void model_view_compare(model_view *w, device *d, depth_maps *maps, volume *v, const pose *camera_to_world,
+void model_view_compare(model_view *w, device *d, depth_maps *maps, raycaster *r, const pose *camera_to_world,
                         float tolerance_m, comparison *out);
 
 /* Queues the ray-cast of what the camera should see from there. */
-void model_view_cast(model_view *w, device *d, volume *v, const pose *camera_to_world);
+void model_view_cast(model_view *w, device *d, raycaster *r, const pose *camera_to_world);
 
 /* The part of its pixels in which the camera should see some surface from there. Waits for the device. */
-double model_view_part(model_view *w, device *d, volume *v, const pose *camera_to_world);
+double model_view_part(model_view *w, device *d, raycaster *r, const pose *camera_to_world);
 
 /* Queues the wide map as seen from a pose. */
-void model_view_cast_wide(model_view *w, device *d, volume *v, const pose *camera_to_world);
+void model_view_cast_wide(model_view *w, device *d, raycaster *r, const pose *camera_to_world);
 
 #endif

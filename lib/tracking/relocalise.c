@@ -105,14 +105,14 @@ static void refine(aligner *a, device *d, depth_maps *maps, model_view *w, hypot
     }
 }
 
-int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, volume *v, const pose *seed,
+int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, raycaster *r, const pose *seed,
                  const double covariance[36], unsigned *drawn, pose best[SEARCH_BEST]) {
     hypothesis kept[KEPT], refined[SEARCH_BEST];
     double spread[36], twist[6], sigma = largest_sigma(covariance);
     int count = 0, found = 0, tries = sigma < 0.05 ? 24 : sigma < 0.2 ? 64 : 128;
     normal_equations e;
     search_spread(covariance, spread);
-    model_view_cast_wide(w, d, v, seed);
+    model_view_cast_wide(w, d, r, seed);
     for (int i = 0; i < tries; i++) {
         search_draw(spread, i, (*drawn)++, twist);
         hypothesis h = {.motion = pose_exp(twist)};

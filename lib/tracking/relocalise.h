@@ -26,7 +26,7 @@ int search_keep(hypothesis *kept, int count, int room, const hypothesis *h);
 
 /* Writes at most SEARCH_BEST poses, best first, and returns how many. covariance: of the seed, seed * exp(error).
  * *drawn counts the hypotheses of all calls, so that the next call tries others. Waits for the device. */
-int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, volume *v, const pose *seed,
+int search_about(aligner *a, device *d, depth_maps *maps, model_view *w, raycaster *r, const pose *seed,
                  const double covariance[36], unsigned *drawn, pose best[SEARCH_BEST]);
 
 #endif

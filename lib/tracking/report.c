@@ -19,4 +19,5 @@ void report_alignment(const attempt *a, const tracking_cost *cost, fathom_result
     r->see_through = (float)a->see_through;
     r->searched = a->searched;
     r->seeded = a->seeded;
+    r->by_velocity = a->by_velocity;
 }

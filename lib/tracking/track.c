@@ -13,13 +13,13 @@
 #define EAGER 15
 #define RARE 30
 
-void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, volume *v,
+void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, raycaster *r,
                   inertial *n) {
     memset(t, 0, sizeof *t);
     t->config = config;
     t->device = d;
     t->maps = maps;
-    t->volume = v;
+    t->raycaster = r;
     t->inertial = n;
     aligner_init(&t->aligner, d, a, config, maps);
     model_maps_init(&t->models, d, a, config, maps);
@@ -46,7 +46,7 @@ static bool nothing_in_view(tracker *t, const pose *start) {
     const kernel_camera *c = &t->maps->camera[FINEST];
     double pixels = (double)c->width * c->height;
     return t->strayed && t->config->against == FATHOM_AGAINST_MODEL &&
-           pixels * model_view_part(&t->view, t->device, t->volume, start) <
+           pixels * model_view_part(&t->view, t->device, t->raycaster, start) <
                minimum_pairs(t->config, c->width * c->height);
 }
 
@@ -62,9 +62,9 @@ static void leave(const tracker *t, const pose *at, attempt *a) {
  * good seed doesn't need that. */
 static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m, bool thorough) {
     model_maps *m = &t->models;
-    volume_raycast_near(t->volume, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m), thorough,
+    raycast_near(t->raycaster, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m), thorough,
                         &m->level[FINEST]);
-    volume_halve_maps(t->volume, t->device, t->maps->camera, m->level, coarsest);
+    raycast_halve(t->raycaster, t->device, t->maps->camera, m->level, coarsest);
     device_wait(t->device);
     model_maps_renew(m, from, coarsest);
 }
@@ -107,7 +107,7 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
         align_scan(t, &led, prior, false, &a->icp);
     }
     double began = now_ms();
-    judge(c, &t->view, t->device, t->maps, t->volume, prior, t->valid, a);
+    judge(c, &t->view, t->device, t->maps, t->raycaster, prior, t->valid, a);
     t->cost.ms_raycast += now_ms() - began;
 }
 
@@ -131,7 +131,7 @@ static void search(tracker *t, const align_prior *seed, attempt *icp) {
         covariance_position_sigma(seed->covariance) < SEARCH_SIGMA_M)
         return;
     double began = now_ms();
-    int found = search_about(&t->aligner, t->device, t->maps, &t->view, t->volume, &seed->mean, seed->covariance,
+    int found = search_about(&t->aligner, t->device, t->maps, &t->view, t->raycaster, &seed->mean, seed->covariance,
                              &t->drawn, best);
     icp->searched = true;
     t->cost.ms_align += now_ms() - began;

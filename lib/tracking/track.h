@@ -17,7 +17,7 @@ typedef struct {
     const fathom_config *config;
     device *device;
     depth_maps *maps; /* the frame's */
-    volume *volume;
+    raycaster *raycaster;
     inertial *inertial;
     aligner aligner;
     model_maps models;
@@ -30,7 +30,7 @@ typedef struct {
     tracking_cost cost;
 } tracker;
 
-void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, volume *v,
+void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, raycaster *r,
                   inertial *n);
 void tracker_close(tracker *t);
 void tracker_reset(tracker *t);

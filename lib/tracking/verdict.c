@@ -71,14 +71,14 @@ bool evident(const fathom_config *c, double valid, const attempt *a) {
            a->innovation <= c->max_evident_sigmas;
 }
 
-void judge(const fathom_config *c, model_view *view, device *d, depth_maps *maps, volume *v,
+void judge(const fathom_config *c, model_view *view, device *d, depth_maps *maps, raycaster *r,
            const align_prior *prior, double valid, attempt *a) {
     measure_innovation(c, prior, a);
     a->agreement = a->see_through = NAN;
     a->verdict = judge_alignment(c, &a->icp, a->innovation);
     if (a->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident(c, valid, a)) {
         comparison k;
-        model_view_compare(view, d, maps, v, &a->icp.motion, c->agreement_tolerance_m + c->voxel_m, &k);
+        model_view_compare(view, d, maps, r, &a->icp.motion, c->agreement_tolerance_m + c->voxel_m, &k);
         a->agreement = k.visible > 0 ? k.agree / k.visible : 0;
         a->see_through = k.visible > 0 ? k.through / k.visible : 0;
         a->verdict = judge_view(c, &k);

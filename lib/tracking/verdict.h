@@ -43,7 +43,7 @@ void measure_innovation(const fathom_config *config, const align_prior *prior, a
 bool evident(const fathom_config *config, double valid, const attempt *a);
 
 /* All of it. Ray-casts the predicted view where that has a word in it; waits for the device then. */
-void judge(const fathom_config *config, model_view *view, device *d, depth_maps *maps, volume *v,
+void judge(const fathom_config *config, model_view *view, device *d, depth_maps *maps, raycaster *r,
            const align_prior *prior, double valid, attempt *a);
 
 /* Another try may find more: it isn't depth that is wanting, nor does geometry leave open what inertia doesn't know. */

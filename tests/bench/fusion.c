@@ -36,10 +36,10 @@ static void fuse_frame(fathom *f, const uint16_t *depth, const pose *at, double 
     depth_maps_make(&f->maps, &f->device, depth, 2 * (size_t)f->config.depth_camera.width, FINEST);
     device_wait(&f->device);
     double made = now_ms();
-    if (volume_request(&f->volume, &f->device, &f->maps, at, false) > 0) volume_allocate(&f->volume, &f->device);
+    if (integrator_request(&f->integrator, &f->device, &f->volume, &f->maps, at, false) > 0) integrator_allocate(&f->integrator, &f->device, &f->volume);
     device_wait(&f->device);
     double allocated = now_ms();
-    volume_fuse(&f->volume, &f->device, &f->maps, at, false);
+    integrator_fuse(&f->integrator, &f->device, &f->volume, &f->maps, at, false);
     device_wait(&f->device);
     ms[MAPS] = made - start;
     ms[ALLOCATE] = allocated - made;
@@ -68,8 +68,8 @@ static int run(fathom *f, const fathom_recording *recording, int frames, uint16_
     print("maps", ms, MAPS, done);
     print("allocate", ms, ALLOCATE, done);
     print("fuse", ms, FUSE, done);
-    printf("\"frames\": %d, \"blocks\": %d, \"full\": %s, \"arena_mb\": %.1f}\n", done, f->volume.count,
-           f->volume.refused ? "true" : "false", (double)f->arena_bytes / (1 << 20));
+    printf("\"frames\": %d, \"blocks\": %d, \"full\": %s, \"arena_mb\": %.1f}\n", done, f->volume.pool.count,
+           f->integrator.refused ? "true" : "false", (double)f->arena_bytes / (1 << 20));
     return CLI_DONE;
 }
 
@@ -79,7 +79,7 @@ int main(int argc, char **argv) {
     int status = bench_replay_open(&bench, "fusion", argc, argv);
     double(*ms)[STAGES] = status ? NULL : malloc((size_t)bench.frames * sizeof *ms);
     if (!status)
-        status = ms ? run(bench.playback.scan, bench.recording, (int)bench.frames, bench.depth, ms) : CLI_FAILED;
+        status = ms ? run(bench.playback.library.scan, bench.recording, (int)bench.frames, bench.depth, ms) : CLI_FAILED;
     free(ms);
     bench_replay_close(&bench);
     return status;

@@ -43,7 +43,7 @@ static int run(struct playback *playback, const fathom_recording *recording, int
         playback_push_imu(playback, recording, i);
         int error = fathom_recording_read_depth(recording, i, depth);
         const long own_before = heap_count_watched(), all_before = heap_count_all();
-        if (!error) error = fathom_step(playback->scan, &scan, &r);
+        if (!error) error = fathom_step(playback->library.scan, &scan, &r);
         if (error) return cli_error(CLI_FAILED, "heap: frame %d: %s", i, fathom_error_name(error));
         if (i < FIRST) continue;
         own += heap_count_watched() - own_before;

@@ -244,7 +244,7 @@ static bool write_json(const char *path) {
 }
 
 static int run(struct playback *playback, const fathom_recording *recording, int frames, uint16_t *depth) {
-    fathom *f = playback->scan;
+    fathom *f = playback->library.scan;
     cl_int e;
     cl_command_queue plain = f->device.queue;
     int error = machine_limit_measure(&watch.machine, &f->device);

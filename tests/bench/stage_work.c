@@ -8,7 +8,7 @@
 
 bool work_start(work_state *w, const fathom *f) {
     memset(w, 0, sizeof *w);
-    w->voxel_bytes = f->volume.voxels.size;
+    w->voxel_bytes = f->volume.pool.voxels.size;
     w->voxels = malloc(w->voxel_bytes);
     w->lines = malloc(w->voxel_bytes / LINE / 8 + 1);
     return w->voxels && w->lines;
@@ -20,9 +20,9 @@ void work_stop(work_state *w) {
 }
 
 void work_before_fusion(work_state *w, fathom *f) {
-    const void *voxels = device_map(&f->device, &f->volume.voxels, CL_MAP_READ);
-    if (voxels) memcpy(w->voxels, voxels, (size_t)f->volume.count * BLOCK_BYTES);
-    device_unmap(&f->device, &f->volume.voxels, (void *)(uintptr_t)voxels);
+    const void *voxels = device_map(&f->device, &f->volume.pool.voxels, CL_MAP_READ);
+    if (voxels) memcpy(w->voxels, voxels, (size_t)f->volume.pool.count * BLOCK_BYTES);
+    device_unmap(&f->device, &f->volume.pool.voxels, (void *)(uintptr_t)voxels);
 }
 
 static double valid_pixels(fathom *f, int level) {
@@ -40,16 +40,16 @@ static void pairs_of(fathom *f, int rows, double *pairs, double *overlap) {
     const float *sums = device_map(&f->device, &f->tracker.aligner.sums, CL_MAP_READ);
     *pairs = *overlap = 0;
     for (int y = 0; sums && y < rows; y++) {
-        *pairs += sums[y * SUMS + 33];
-        *overlap += sums[y * SUMS + 34];
+        *pairs += sums[y * SUMS + SUMS_PAIRS];
+        *overlap += sums[y * SUMS + SUMS_OVERLAP];
     }
     device_unmap(&f->device, &f->tracker.aligner.sums, (void *)(uintptr_t)sums);
 }
 
 static void fused(work_state *w, fathom *f, double *blocks, double *voxels) {
-    const uint8_t *now = device_map(&f->device, &f->volume.voxels, CL_MAP_READ);
+    const uint8_t *now = device_map(&f->device, &f->volume.pool.voxels, CL_MAP_READ);
     *blocks = *voxels = 0;
-    for (int i = 0; now && i < f->volume.count; i++) {
+    for (int i = 0; now && i < f->volume.pool.count; i++) {
         const uint8_t *a = now + (size_t)i * BLOCK_BYTES, *b = w->voxels + (size_t)i * BLOCK_BYTES;
         if (memcmp(a, b, BLOCK_BYTES) == 0) continue;
         const uint16_t *p = (const uint16_t *)(const void *)a, *q = (const uint16_t *)(const void *)b;
@@ -57,15 +57,7 @@ static void fused(work_state *w, fathom *f, double *blocks, double *voxels) {
         for (int k = 0; k < BLOCK_VOXELS; k++)
             *voxels += p[k] != q[k] || p[BLOCK_VOXELS + k] != q[BLOCK_VOXELS + k];
     }
-    device_unmap(&f->device, &f->volume.voxels, (void *)(uintptr_t)now);
-}
-
-/* The place of a block, or -1. */
-static int place_of(const cl_int4 *table, cl_uint mask, int x, int y, int z) {
-    cl_uint h = ((cl_uint)x * 73856093u) ^ ((cl_uint)y * 19349669u) ^ ((cl_uint)z * 83492791u);
-    h = (h ^ (h >> 15)) & mask;
-    while (table[h].w >= 0 && (table[h].x != x || table[h].y != y || table[h].z != z)) h = (h + 1) & mask;
-    return table[h].w;
+    device_unmap(&f->device, &f->volume.pool.voxels, (void *)(uintptr_t)now);
 }
 
 /* Bytes of the pool that a model map needs (lines of 64 bytes about the points met), and how many points these are. */
@@ -73,11 +65,12 @@ static double cast_voxels(work_state *w, fathom *f, device_buffer *map, const ke
                           const pose *camera_to_world, double *met) {
     const kernel_surface *s = &f->volume.surface;
     const cl_uint2 *model = device_map(&f->device, map, CL_MAP_READ);
-    const cl_int4 *table = device_map(&f->device, &f->volume.table, CL_MAP_READ);
+    volume_view view;
+    bool mapped = volume_map(&f->volume, &f->device, CL_MAP_READ, false, &view);
     double count = 0;
     *met = 0;
     memset(w->lines, 0, w->voxel_bytes / LINE / 8 + 1);
-    for (int i = 0; model && table && i < c->width * c->height; i++) {
+    for (int i = 0; model && mapped && i < c->width * c->height; i++) {
         double z = kernel_point_of(model[i]).depth,
                p[3] = {(i % c->width - c->cx) / c->fx * z, (i / c->width - c->cy) / c->fy * z, z};
         int at[3];
@@ -89,7 +82,7 @@ static double cast_voxels(work_state *w, fathom *f, device_buffer *map, const ke
         }
         for (int corner = 0; corner < 8; corner++) {
             int x = at[0] + (corner & 1), y = at[1] + (corner >> 1 & 1), v = at[2] + (corner >> 2);
-            int place = place_of(table, s->mask, x >> 3, y >> 3, v >> 3);
+            int place = volume_place(&view, &(cl_int4){{x >> 3, y >> 3, v >> 3, s->submap}});
             if (place < 0) continue;
             size_t byte = (size_t)place * BLOCK_BYTES + 2 * (size_t)(((v & 7) * 8 + (y & 7)) * 8 + (x & 7));
             size_t line = byte / LINE;
@@ -97,7 +90,7 @@ static double cast_voxels(work_state *w, fathom *f, device_buffer *map, const ke
             w->lines[line / 8] |= (uint8_t)(1 << (line % 8));
         }
     }
-    device_unmap(&f->device, &f->volume.table, (void *)(uintptr_t)table);
+    volume_unmap(&f->volume, &f->device, &view);
     device_unmap(&f->device, map, (void *)(uintptr_t)model);
     return LINE * count;
 }
@@ -122,10 +115,10 @@ bool work_of_cast(work_state *w, fathom *f, const char *cast, const char *kernel
 
 /* Blocks that the last two frames were fused into: of those in view each takes its turn in one of them. */
 static double blocks_in_view(fathom *f) {
-    const cl_int *seen = device_map(&f->device, &f->volume.seen, CL_MAP_READ);
+    const cl_int *seen = device_map(&f->device, &f->volume.pool.seen, CL_MAP_READ);
     int count = 0;
-    for (int i = 0; seen && i < f->volume.count; i++) count += seen[i] >= f->volume.frames - 1;
-    device_unmap(&f->device, &f->volume.seen, (void *)(uintptr_t)seen);
+    for (int i = 0; seen && i < f->volume.pool.count; i++) count += seen[i] >= f->integrator.frames - 1;
+    device_unmap(&f->device, &f->volume.pool.seen, (void *)(uintptr_t)seen);
     return count;
 }
 
@@ -171,8 +164,8 @@ bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_
         *work = (stage_work){0, 8 * w->ranges, 0};
     } else if (!strcmp(kernel, "range_blocks")) {
         /* is it in view 20; if so eight corners: the point 3, projection 4, minima and maxima 6; its tiles 10 */
-        *work = (stage_work){16.0 * f->volume.count, 8 * w->ranges,
-                             20.0 * f->volume.count + 114 * blocks_in_view(f)};
+        *work = (stage_work){16.0 * f->volume.pool.count, 8 * w->ranges,
+                             20.0 * f->volume.pool.count + 114 * blocks_in_view(f)};
     } else if (!strcmp(kernel, "raycast")) { /* of each pixel the ray 15; and work_of_cast */
         const double rays = (double)columns * (double)rows;
         *work = (stage_work){8 * w->ranges, 8 * rays, 15 * rays};
@@ -181,7 +174,7 @@ bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_
         const kernel_camera *c = &m->camera[FINEST];
         double apart = c->fx * f->volume.surface.voxel * BLOCK_EDGE / (3 * 2.0);
         apart = fmin(fmax(apart, 1), 4);
-        *work = (stage_work){4 * finest + 16 * w->fused_blocks, 8.0 * f->volume.tiles,
+        *work = (stage_work){4 * finest + 16 * w->fused_blocks, 8.0 * f->integrator.tiles,
                              44 * valid_pixels(f, FINEST) / (apart * apart)};
     } else if (!strcmp(kernel, "clear_blocks")) {
         *work = (stage_work){0, (double)BLOCK_BYTES * (double)columns, 0};
@@ -193,8 +186,8 @@ bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_
          * from 16 bits 8 */
         double voxels;
         fused(w, f, &w->fused_blocks, &voxels);
-        *work = (stage_work){BLOCK_BYTES * w->fused_blocks + 8 * finest + 16.0 * f->volume.count,
-                             BLOCK_BYTES * w->fused_blocks, 46 * voxels + 20.0 * f->volume.count};
+        *work = (stage_work){BLOCK_BYTES * w->fused_blocks + 8 * finest + 16.0 * f->volume.pool.count,
+                             BLOCK_BYTES * w->fused_blocks, 46 * voxels + 20.0 * f->volume.pool.count};
     } else {
         return false;
     }

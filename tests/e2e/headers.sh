@@ -117,6 +117,8 @@ check "a C++ program outside" shared "$cxx" outside.cpp
 unset LD_LIBRARY_PATH
 check "a program with the static library" static
 check "the installed command" "$usr/bin/fathom" --version
+shared_files() { [ -s "$usr/share/man/man1/fathom.1" ] && grep -q '^complete -F' "$usr/share/bash-completion/completions/fathom"; }
+check "the manual page and completion are installed" shared_files
 cd - >/dev/null || exit 1
 uninstall_it() { make BUILD="$build" PREFIX=/usr DESTDIR="$root" uninstall; }
 

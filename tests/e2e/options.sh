@@ -12,9 +12,9 @@ settings="--depth-scale=1000 --intrinsics=500,500,300,200 --translation=off --re
 live="--depth=openni2: --imu=none --rig=r --depth-size=320x240 --rate=30 --speed=0 --duration=1 --frames=2 --reconnect=off
     --json --progress --verbose"
 cat >promised <<END
-replay FOLDER --trajectory=t --mesh=m.ply --stats=s.csv --picture=p.png --imu=none --stride=2 --outage=1:2
+replay FOLDER --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o --picture=p.png --imu=none --stride=2 --outage=1:2
     --wall=1:2,3:4 --card=1:2 --progress --verbose $settings
-scan - --trajectory=t --mesh=m.ply --stats=s.csv $live $settings
+scan - --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o $live $settings
 log FOLDER --force $live
 devices - --json --verbose
 simulate room_FOLDER --seed=2 --clean --motion=m --frames=3 --size=320x240 --length=20 --speed=2 --turn=1 --still=0 --blur
@@ -68,7 +68,8 @@ wrong '\--clean takes no value' simulate room r --clean=yes
 wrong "'4' is none of on|off" replay r --refine-rig 4
 wrong 'one word too many' simulate room r s
 wrong 'no scene given' simulate
-wrong 'unknown command' play r
+wrong "unknown command 'play'; fathom" play r
+wrong "did you mean replay?" repaly r
 wrong 'no command given'
 wrong 'give the shell' --completion fish
 # Each of these is a later version's, and says so.

@@ -19,8 +19,8 @@ status=$?
 check "a recording to spoil"
 frame4=$(grep -v '^#' good/depth.txt | sed -n 5p | cut -d' ' -f2)
 
-replay good --trajectory t.txt --stats s.csv --mesh m.ply --picture p.png
-[ $status -eq 0 ] && summary 8 && [ "$(lines t.txt)" -eq 8 ] && [ "$(lines s.csv)" -eq 9 ] && whole_ply m.ply &&
+replay good --trajectory t.txt --odometry o.txt --stats s.csv --mesh m.ply --picture p.png
+[ $status -eq 0 ] && summary 8 && [ "$(lines t.txt)" -eq 8 ] && [ "$(awk 'NF == 8' o.txt | wc -l)" -eq 8 ] && [ "$(lines s.csv)" -eq 9 ] && whole_ply m.ply &&
     [ -s p.png ] && [ ! -s err ] && [ -z "$(ls ./*.part 2>/dev/null)" ]
 check "the good recording: exit 0, all files whole, nothing on stderr"
 
@@ -173,6 +173,35 @@ status=$?
     [ "$(lines s.csv)" -eq $(($(lines t.txt) + 1)) ] && [ "$(awk 'NF != 8' t.txt | wc -l)" -eq 0 ] &&
     whole_ply m.ply && [ -s p.png ]
 check "Ctrl-C: exit 130, all files whole"
+
+"$fathom" simulate desk half --size 160x120 --threads 1 >out 2>err &
+pid=$!
+waited=0
+while [ "$(cat half/depth.txt 2>/dev/null | wc -l)" -lt 6 ] && [ $waited -lt 600 ]; do
+    sleep 0.05
+    waited=$((waited + 1))
+done
+kill -INT $pid
+wait $pid
+status=$?
+frames=$(grep -vc '^#' half/depth.txt)
+[ $status -eq 130 ] && [ "$(figure frames)" -eq "$frames" ] && [ "$frames" -lt 200 ] && [ -z "$(ls half/depth/*.part 2>/dev/null)" ] &&
+    replay half && summary "$frames"
+check "Ctrl-C while simulating: exit 130, what is there can be replayed"
+
+cp r/rig.txt before
+"$fathom" calibrate r --progress >out 2>err &
+pid=$!
+waited=0
+while [ "$(lines err)" -lt 3 ] && [ $waited -lt 600 ]; do
+    sleep 0.05
+    waited=$((waited + 1))
+done
+kill -INT $pid
+wait $pid
+status=$?
+[ $status -eq 130 ] && cmp -s before r/rig.txt && [ ! -e r/rig.txt.part ] && [ ! -s out ]
+check "Ctrl-C while calibrating: exit 130, rig.txt untouched"
 
 # ---- usage
 

@@ -11,9 +11,9 @@ scan() { run "$fathom" scan "$@"; }
 "$fathom" simulate desk rig --frames 60 --size 160x120 --still 0.3 >out 2>err
 check "a recording to scan"
 
-"$fathom" replay rig --trajectory replay.txt --mesh replay.ply >out 2>err
-scan --depth rig --speed 0 --trajectory scan.txt --mesh scan.ply
-[ $status -eq 0 ] && cmp -s replay.txt scan.txt && cmp -s replay.ply scan.ply && [ "$(figure frames)" -eq 60 ] &&
+"$fathom" replay rig --trajectory replay.txt --odometry replay-odometry.txt --mesh replay.ply >out 2>err
+scan --depth rig --speed 0 --trajectory scan.txt --odometry scan-odometry.txt --mesh scan.ply
+[ $status -eq 0 ] && cmp -s replay.txt scan.txt && cmp -s replay-odometry.txt scan-odometry.txt && cmp -s replay.ply scan.ply && [ "$(figure frames)" -eq 60 ] &&
     [ "$(figure frames_dropped)" -eq 0 ] && [ "$(figure samples_dropped)" -eq 0 ] && samples=$(figure samples) &&
     [ "$samples" -gt 300 ]
 check "as fast as it goes: pose for pose and byte for byte what a replay gives"

@@ -78,7 +78,7 @@ static void inject(uint64_t key, int number, struct injection *in) {
 
 static void compare(fathom *f, const pose *at, comparison *k) {
     const fathom_config *c = &f->config;
-    model_view_compare(&f->tracker.view, &f->device, &f->maps, &f->volume, at, c->agreement_tolerance_m + c->voxel_m, k);
+    model_view_compare(&f->tracker.view, &f->device, &f->maps, &f->raycaster, at, c->agreement_tolerance_m + c->voxel_m, k);
 }
 
 /* What alignment would say of a pose if it stopped there. */
@@ -94,7 +94,7 @@ static void judge_in_place(fathom *f, const pose *at, const double covariance[36
     comparison k;
     const double sigma = sqrt(covariance[35]), reach = fmax(c->max_pair_distance_m, 3 * sigma);
     memset(a, 0, sizeof *a);
-    volume_raycast_near(&f->volume, &f->device, &f->maps, at, (float)reach, true, &f->tracker.models.level[FINEST]);
+    raycast_near(&f->raycaster, &f->device, &f->maps, at, (float)reach, true, &f->tracker.models.level[FINEST]);
     align_reduce(&f->tracker.aligner, &f->device, &f->maps, FINEST, &here, &f->tracker.models.level[FINEST], camera, reach,
                  c->huber_m, centre, &e);
     icp->motion = *at;
@@ -125,7 +125,7 @@ static double largest_sigma(const double covariance[36], int from) {
 
 static void print(const struct run *run, int frame, const char *kind, const struct injection *in,
                   const pose *reference, const attempt *a) {
-    fathom *f = run->playback.scan;
+    fathom *f = run->playback.library.scan;
     const alignment *icp = &a->icp;
     const pose way = pose_between(reference, &icp->motion);
     const double metres = pose_distance(&way), degrees = DEGREES * pose_angle(&way);
@@ -143,7 +143,7 @@ static void print(const struct run *run, int frame, const char *kind, const stru
 }
 
 static void candidates(const struct run *run, int frame, const fathom_result *tracked) {
-    fathom *f = run->playback.scan;
+    fathom *f = run->playback.library.scan;
     const pose reference = f->pose;
     const uint64_t key = random_key(run->seed, (uint64_t)frame);
     struct injection in = {.off = pose_identity()};
@@ -181,13 +181,13 @@ static bool sure(const struct run *run, int64_t stamp_ns) {
     pose truth;
     if (!truth_at(run, stamp_ns, &truth)) return false;
     truth = pose_between(&run->first_truth, &truth);
-    const pose off = pose_between(&truth, &run->playback.scan->pose);
+    const pose off = pose_between(&truth, &run->playback.library.scan->pose);
     return pose_distance(&off) <= run->within && DEGREES * pose_angle(&off) <= 70 * run->within;
 }
 
 static int track_all(struct run *run, uint16_t *depth) {
     const fathom_recording *recording = run->recording;
-    fathom *f = run->playback.scan;
+    fathom *f = run->playback.library.scan;
     puts("recording,frame,kind,label,injected_m,injected_deg,off_m,off_deg,overlap,rms_m,condition,sigma_m,"
          "sigma_"
          "rad,agreement,see_through,visible,innovation,verdict");

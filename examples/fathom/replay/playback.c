@@ -4,11 +4,6 @@
 #include <stdlib.h>
 #include <sys/stat.h>
 
-/* Wrong settings are the user's to mend (2); the rest has failed (1). */
-static int status_of(int error) {
-    return error == FATHOM_ERROR_CONFIG || error == FATHOM_ERROR_MEMORY ? CLI_USAGE : CLI_FAILED;
-}
-
 int playback_open(fathom_recording **out, const char *folder, const char *imu_file,
                   const struct settings *settings, struct cli_log *log) {
     fathom_recording_options how = {.struct_size = sizeof how, .imu_file = imu_file,
@@ -94,18 +89,8 @@ int playback_start(struct playback *playback, const fathom_recording *recording,
     const int capacity = imu_capacity(recording, stride);
     if (capacity > 4096) config->max_imu_samples = capacity;
     settings_apply_set(settings, config);
-    config->log = log_message;
-    config->log_user = log;
-    log_clear(log);
-    playback->plan = FATHOM_STRUCT(fathom_memory_plan);
-    int result = fathom_plan_memory(config, &playback->plan, NULL, 0);
-    if (result < 0) return cli_error(status_of(result), "%s", log_reason(log, result));
-    const size_t align = FATHOM_ALIGNMENT,
-                 size = ((size_t)playback->plan.host_bytes + align - 1) / align * align;
-    playback->memory = aligned_alloc(align, size);
-    if (!playback->memory) return cli_error(CLI_FAILED, "out of memory: %zu bytes for the library", size);
-    result = fathom_init(&playback->scan, config, playback->memory, size, NULL, 0);
-    if (result < 0) return cli_error(status_of(result), "%s", log_reason(log, result));
+    const int status = library_start(&playback->library, config, log);
+    if (status) return status;
     playback->next_imu = first_imu(recording);
     playback->imu_clock_offset_ns = config->imu_clock_offset_ns;
     return CLI_DONE;
@@ -113,15 +98,14 @@ int playback_start(struct playback *playback, const fathom_recording *recording,
 
 void playback_push_imu(struct playback *playback, const fathom_recording *recording, int index) {
     fathom_rig rig = FATHOM_STRUCT(fathom_rig);
-    fathom_get_rig(playback->scan, &rig);
+    fathom_get_rig(playback->library.scan, &rig);
     const int64_t later_ns = rig.imu_clock_offset_ns - playback->imu_clock_offset_ns;
     const int until = imu_until(recording, playback->next_imu, index, later_ns < 0 ? later_ns : 0);
     for (; playback->next_imu < until; playback->next_imu++)
-        fathom_push_imu(playback->scan, &recording->imu[playback->next_imu]);
+        fathom_push_imu(playback->library.scan, &recording->imu[playback->next_imu]);
 }
 
 void playback_stop(struct playback *playback) {
-    fathom_close(playback->scan);
-    free(playback->memory);
+    library_stop(&playback->library);
     *playback = (struct playback){0};
 }

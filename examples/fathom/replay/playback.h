@@ -3,14 +3,12 @@
 #define FATHOM_CLI_PLAYBACK_H
 
 #include "fathom_drivers.h"
-#include "fathom/shell/log.h"
+#include "fathom/shell/library.h"
 #include "fathom/shell/settings.h"
 
-/* The library with the block it lives in. */
+/* The library, and how far the samples have gone into it. */
 struct playback {
-    fathom_memory_plan plan;
-    void *memory;
-    fathom *scan;
+    struct library library;
     int next_imu;                /* the first sample that hasn't been pushed */
     int64_t imu_clock_offset_ns; /* of the settings, from which --refine-rig starts */
 };

@@ -11,11 +11,7 @@ static bool set_imu(void *into, const char *option, const char *text) {
 
 #define AT(field) offsetof(struct replay_options, field)
 
-static const struct option_row files[] = {
-    {"--trajectory", "FILE", OPTION_TEXT, AT(trajectory),
-     .help = "TUM lines, one for every frame taken, dead-reckoned ones included"},
-    {"--mesh", "FILE.ply", OPTION_TEXT, AT(mesh), .help = "the surface: binary PLY, metres, with normals"},
-    {"--stats", "FILE.csv", OPTION_TEXT, AT(stats), .help = "a line per frame"},
+static const struct option_row picture[] = {
     {"--picture", "FILE.png", OPTION_TEXT, AT(picture),
      .help = "the surface, shaded, with the trajectory in it: blue tracked, orange reckoned, red lost"},
     {0}};
@@ -35,7 +31,7 @@ static const struct option_row said[] = {
     {0}};
 
 const struct option_group replay_groups[] = {
-    {"Files written", files, 0}, {"Recording", input, 0}, SETTINGS_GROUPS(AT(settings)), {"What is said", said, 0}, {0}};
+    {"Files written", outputs_options, AT(outputs)}, {NULL, picture, 0}, {"Recording", input, 0}, SETTINGS_GROUPS(AT(settings)), {"What is said", said, 0}, {0}};
 
 int replay_options_read(struct replay_options *options, const struct command *command, int argc, char **argv) {
     *options = (struct replay_options){.stride = 1};

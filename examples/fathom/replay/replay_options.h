@@ -2,12 +2,14 @@
 #ifndef FATHOM_CLI_REPLAY_OPTIONS_H
 #define FATHOM_CLI_REPLAY_OPTIONS_H
 
+#include "fathom/files/outputs.h"
 #include "fathom/shell/option_values.h"
 #include "fathom/shell/settings.h"
 
 struct replay_options {
     const char *folder;
-    const char *trajectory, *mesh, *stats, *picture; /* files to write, or NULL */
+    struct outputs outputs;
+    const char *picture; /* a file to write, or NULL */
     const char *imu;                                 /* instead of imu.txt; "": none; NULL: imu.txt */
     long stride;                                     /* 1: every frame */
     struct frame_ranges outages, walls, cards;

@@ -23,15 +23,14 @@ int options_list(const struct command *command, void *into, const struct option_
 
 /* ---- options that aren't there ---- */
 
-/* The option that was likely meant, or NULL. */
-static const char *nearest(const char *name, const struct option_row *const *rows, int count) {
+const char *options_nearest(const char *name, const char *const *names, int count) {
     const char *best = NULL;
     int fewest = near_name_limit(name);
     for (int i = 0; i < count; i++) {
-        const int away = near_name_distance(name, rows[i]->name);
+        const int away = near_name_distance(name, names[i]);
         if (away > fewest || (best && away == fewest)) continue;
         fewest = away;
-        best = rows[i]->name;
+        best = names[i];
     }
     return best;
 }
@@ -47,7 +46,9 @@ static int refuse(const struct command *command, const char *word, const struct 
     char name[64];
     snprintf(name, sizeof name, "%.*s", (int)strcspn(word, "="), word);
     if (is_word_of(command->later, name)) return cli_error(CLI_USAGE, "%s: not yet available", name);
-    const char *meant = nearest(name, rows, count);
+    const char *names[MOST_OPTIONS];
+    for (int i = 0; i < count; i++) names[i] = rows[i]->name;
+    const char *meant = options_nearest(name, names, count);
     if (meant)
         return cli_error(CLI_USAGE, "%s: unknown option %s; did you mean %s? fathom %s --help lists them all",
                          command->name, name, meant, command->name);

@@ -64,4 +64,7 @@ int options_read(const struct command *command, void *into, int argc, char **arg
 /* Fills in the command's rows, and where not NULL the struct of each. Returns their number. */
 int options_list(const struct command *command, void *into, const struct option_row **rows, void **structs);
 
+/* The name that was likely meant by one that isn't among them, or NULL. */
+const char *options_nearest(const char *name, const char *const *names, int count);
+
 #endif

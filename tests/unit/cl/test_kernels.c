@@ -18,7 +18,7 @@
 #include <unistd.h>
 
 #include "context.h"
-#include "map/surface.h"
+#include "map/mesh.h"
 #include "kernel_checks_real.h"
 #include "selftest/kernel_checks_bench.h"
 
@@ -163,15 +163,15 @@ static int print_digest(const char *name) {
         void *sums = device_map(&f->device, &f->tracker.aligner.sums, CL_MAP_READ);
         if (i > 0 && sums) digest_bytes(&h, sums, (size_t)HEIGHT * SUMS * 4);
         device_unmap(&f->device, &f->tracker.aligner.sums, sums);
-        void *blocks = device_map(&f->device, &f->volume.blocks, CL_MAP_READ);
-        if (blocks) digest_bytes(&h, blocks, (size_t)f->volume.count * sizeof(cl_int4));
-        device_unmap(&f->device, &f->volume.blocks, blocks);
-        void *voxels = device_map(&f->device, &f->volume.voxels, CL_MAP_READ);
-        if (voxels) digest_bytes(&h, voxels, (size_t)f->volume.count * BLOCK_BYTES);
-        device_unmap(&f->device, &f->volume.voxels, voxels);
+        void *blocks = device_map(&f->device, &f->volume.pool.keys, CL_MAP_READ);
+        if (blocks) digest_bytes(&h, blocks, (size_t)f->volume.pool.count * sizeof(cl_int4));
+        device_unmap(&f->device, &f->volume.pool.keys, blocks);
+        void *voxels = device_map(&f->device, &f->volume.pool.voxels, CL_MAP_READ);
+        if (voxels) digest_bytes(&h, voxels, (size_t)f->volume.pool.count * BLOCK_BYTES);
+        device_unmap(&f->device, &f->volume.pool.voxels, voxels);
     }
     int64_t triangles = fathom_extract_mesh(f, 0, digest_triangles, &h);
-    printf("%016llx tracked %d, blocks %d, triangles %lld\n", (unsigned long long)h, tracked, f->volume.count,
+    printf("%016llx tracked %d, blocks %d, triangles %lld\n", (unsigned long long)h, tracked, f->volume.pool.count,
            (long long)triangles);
     fathom_close(f);
     free(memory);

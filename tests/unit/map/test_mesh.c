@@ -1,4 +1,4 @@
-/* Marching cubes: the table (surface_cases), the two kernels and their batches make closed, consistently turned surfaces. */
+/* Marching cubes: the table (mesh_cases), the two kernels and their batches make closed, consistently turned surfaces. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "map/surface.h"
+#include "map/mesh.h"
 #include "selftest/kernel_checks_bench.h"
 
 /* ---- a volume of the library, filled by hand -------------------------------------------------------------------- */
@@ -21,9 +21,8 @@ typedef struct {
     fathom_config config;
     device d;
     void *memory;
-    depth_maps maps;
     volume v;
-    surface_output s;
+    mesher m;
     bench_volume filled;
     fathom_vertex *vertices; /* three a triangle */
     size_t triangles, room;
@@ -36,9 +35,8 @@ static int open_scene(void **state) {
     if (posix_memalign(&s->memory, ARENA_ALIGNMENT, ARENA_BYTES)) return -1;
     arena a = {s->memory, ARENA_BYTES, 0};
     s->config.voxel_m = 0.02f;
-    depth_maps_init(&s->maps, &s->d, &a, &s->config);
-    surface_init(&s->s, &s->d, &a, &s->maps);
-    volume_init(&s->v, &s->d, &a, &s->config, &s->maps, BLOCKS);
+    mesher_init(&s->m, &s->d, &a);
+    volume_init(&s->v, &s->d, &a, &s->config, BLOCKS);
     bench_volume_make(&s->filled, BLOCKS, 0.02f, 0.08f);
     *state = s;
     return s->d.error == FATHOM_OK && a.used <= a.size ? 0 : -1;
@@ -47,8 +45,7 @@ static int open_scene(void **state) {
 static int close_scene(void **state) {
     scene *s = *state;
     volume_close(&s->v);
-    surface_close(&s->s);
-    depth_maps_close(&s->maps);
+    mesher_close(&s->m);
     device_close(&s->d);
     bench_volume_free(&s->filled);
     free(s->vertices);
@@ -79,13 +76,13 @@ static int take(void *user, const fathom_vertex *vertices, size_t count) {
 
 /* The triangles of what has been filled in. */
 static void extract(scene *s) {
-    s->v.count = s->filled.count;
+    s->v.pool.count = s->filled.count;
     s->v.surface = s->filled.surface;
-    copy_in(s, &s->v.blocks, s->filled.blocks, (size_t)s->v.count * sizeof(cl_int4));
-    copy_in(s, &s->v.table, s->filled.table, (size_t)s->filled.entries * sizeof(cl_int4));
-    copy_in(s, &s->v.voxels, s->filled.voxels, (size_t)s->v.count * BLOCK_BYTES);
+    copy_in(s, &s->v.pool.keys, s->filled.blocks, (size_t)s->v.pool.count * sizeof(cl_int4));
+    copy_in(s, &s->v.table.entries, s->filled.table, TABLE_BYTES(s->filled.entries));
+    copy_in(s, &s->v.pool.voxels, s->filled.voxels, (size_t)s->v.pool.count * BLOCK_BYTES);
     s->triangles = 0;
-    int64_t count = surface_extract(&s->s, &s->d, &s->v, 0, take, s);
+    int64_t count = mesh_extract(&s->m, &s->d, &s->v, 0, take, s);
     assert_int_equal(count, s->triangles);
 }
 
@@ -222,7 +219,7 @@ static void a_random_volume_has_no_holes(void **state) {
     bench b = {.random = 7};
     bool used[256] = {false};
     uint8_t cases[256 * 16];
-    surface_cases(cases);
+    mesh_cases(cases);
     for (int i = 0; i < SIDE * SIDE * SIDE; i++) {
         int block[3] = {i % SIDE - 3, i / SIDE % SIDE - 3, i / SIDE / SIDE - 3};
         int16_t *data = s->filled.voxels +
@@ -262,7 +259,7 @@ static void a_random_volume_has_no_holes(void **state) {
 static void the_table_uses_the_crossed_edges(void **state) {
     (void)state;
     uint8_t cases[256 * 16];
-    surface_cases(cases);
+    mesh_cases(cases);
     for (int kind = 0; kind < 256; kind++) {
         const uint8_t *row = cases + 16 * kind;
         unsigned crossed = 0, used = 0;

@@ -115,13 +115,13 @@ static void drop_all_with(fathom_buffers buffers) {
     synthetic_mesh before = mesh_of(s.scan, &store, 0), heavy = mesh_of(s.scan, &store, 0.5f);
     assert_int_equal(store.count, 0);
     assert_true(before.count > 20000 && heavy.count < before.count && heavy.count > 1000);
-    s.scan->volume.frames += 100; /* nothing is in view any more */
-    while (s.scan->volume.count > 0) {
-        int kept = s.scan->volume.count;
-        assert_true(eviction_make_room(&s.scan->volume, &s.scan->device, &s.scan->config, 100) > 0);
+    s.scan->integrator.frames += 100; /* nothing is in view any more */
+    while (s.scan->volume.pool.count > 0) {
+        int kept = s.scan->volume.pool.count;
+        assert_true(eviction_make_room(&s.scan->volume, &s.scan->device, &s.scan->integrator, &s.scan->store, 100) > 0);
         synthetic_mesh pool = mesh_of(s.scan, NULL, 0), whole = mesh_of(s.scan, &store, 0),
                        whole_heavy = mesh_of(s.scan, &store, 0.5f);
-        assert_true(s.scan->volume.count < kept && pool.count < whole.count);
+        assert_true(s.scan->volume.pool.count < kept && pool.count < whole.count);
         assert_same_triangles(&before, &whole);
         assert_same_triangles(&heavy, &whole_heavy);
         free(pool.vertices);
@@ -156,10 +156,10 @@ static void a_list_may_name_too_much(void **state) {
     synthetic_context s = start(&store, 3000);
     walk(s.scan, 20);
     synthetic_mesh plain = mesh_of(s.scan, NULL, 0), whole = {0};
-    cl_int4 *blocks = device_map(&s.scan->device, &s.scan->volume.blocks, CL_MAP_READ);
+    cl_int4 *blocks = device_map(&s.scan->device, &s.scan->volume.pool.keys, CL_MAP_READ);
     assert_non_null(blocks);
     const int32_t listed[] = {900, 0, 0, blocks[7].x, blocks[7].y, blocks[7].z, -(1 << 27), 1 << 27, 0};
-    device_unmap(&s.scan->device, &s.scan->volume.blocks, blocks);
+    device_unmap(&s.scan->device, &s.scan->volume.pool.keys, blocks);
     int64_t n = fathom_extract_whole_mesh(s.scan, 0, listed, 3, synthetic_triangles, &whole);
     assert_true(n > 1000 && (size_t)n * 3 == whole.count && whole.count == plain.count);
     assert_memory_equal(whole.vertices, plain.vertices,
@@ -211,7 +211,7 @@ static void a_small_pool_gives_the_mesh_of_a_large_one(void **state) {
     synthetic_mesh all = mesh_of(large.scan, &large_store, 0), whole = mesh_of(small.scan, &small_store, 0),
                    pool = mesh_of(small.scan, NULL, 0);
     assert_int_equal(large_store.count, 0);
-    assert_true(small_store.count > POOL / 3 && small.scan->volume.count <= POOL);
+    assert_true(small_store.count > POOL / 3 && small.scan->volume.pool.count <= POOL);
     double share = area_of(&whole) / area_of(&all), triangles = (double)whole.count / (double)all.count;
     print_message("area %.2f m2: small pool with the store %.4f of it, %.4f of the triangles; without %.3f\n",
                   area_of(&all), share, triangles, area_of(&pool) / area_of(&all));

@@ -228,7 +228,7 @@ static void a_reset_forgets_the_maps_of_the_old_world(void **state) {
 
 static void a_camera_that_turns_is_not_calm(void **state) {
     (void)state;
-    volume v = {.count = 1};
+    volume v = {.pool = {.count = 1}};
     const double at[6] = {0.2, 0.5, -0.3, 1, 2, 3};
     fusing last = {.volume = &v, .last = pose_exp(at)};
     for (int i = 0; i < 6; i++)
@@ -238,7 +238,7 @@ static void a_camera_that_turns_is_not_calm(void **state) {
             pose by = pose_exp(twist), there = pose_multiply(&last.last, &by);
             assert_int_equal(fusing_is_calm(&last, &there), !far);
         }
-    v.count = 0; /* the first frame goes in whole */
+    v.pool.count = 0; /* the first frame goes in whole */
     assert_false(fusing_is_calm(&last, &last.last));
 }
 
@@ -314,7 +314,7 @@ static void a_slanted_surface_is_compared_across_itself(void **state) {
         for (int i = 0; i < 3; i++) off.t[i] = (far ? 0.08 : 0.03) * normal[i];
         pose at = pose_multiply(&f->pose, &off);
         depth_maps_make(&f->maps, &f->device, slanted.depth, 2 * SYNTHETIC_WIDTH, 0);
-        model_view_compare(&f->tracker.view, &f->device, &f->maps, &f->volume, &at, 0.04f, &found);
+        model_view_compare(&f->tracker.view, &f->device, &f->maps, &f->raycaster, &at, 0.04f, &found);
         print_message("%.2f m off: %.1f visible, %.1f agree, %.1f through\n", far ? 0.08 : 0.03, (double)found.visible,
                       (double)found.agree, (double)found.through);
         assert_true(found.visible > 50);

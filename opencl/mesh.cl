@@ -1,17 +1,13 @@
-/* Triangles of the surface by marching cubes (Lorensen and Cline 1987). The table is built by the host (lib/map/surface.c). */
+/* Triangles of the surface by marching cubes (Lorensen and Cline 1987). The host builds the table (lib/map/mesh_cases.c). */
 
-#define CASE_SIZE 16 /* edges of up to five triangles, then 255 */
-
-/* Cube corner k stands at (k & 1, k >> 1 & 1, k >> 2). Edge e joins corners edge_ends[e]. */
-constant uchar edge_ends[12][2] = {{0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {1, 3},
-                                   {4, 6}, {5, 7}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
+constant uchar edge_ends[12][2] = EDGE_ENDS;
 
 inline int3 corner_offset(int k) {
     return (int3)(k & 1, (k >> 1) & 1, k >> 2);
 }
 
 /* The eight distances of the cube at voxel i; its case, or 0 when one was never seen. */
-inline int cube_case(global const short *voxels, global const int4 *table, surface f, int3 i, float *d, int3 *last,
+inline int cube_case(global const short *voxels, global const int4 *table, kernel_surface f, int3 i, float *d, int3 *last,
                      int *place) {
     int kind = 0;
     for (int k = 0; k < 8; k++) {
@@ -23,7 +19,7 @@ inline int cube_case(global const short *voxels, global const int4 *table, surfa
 }
 
 /* How many triangles each block makes. Global size: blocks. */
-kernel void count_triangles(global const short *voxels, global const int4 *table, surface f, global const int4 *blocks,
+kernel void count_triangles(global const short *voxels, global const int4 *table, kernel_surface f, global const int4 *blocks,
                             constant uchar *cases, int first, global int *counts) {
     int index = first + get_global_id(0);
     int3 base = blocks[index].xyz * BLOCK_EDGE, last = (int3)(INT_MAX);
@@ -31,12 +27,12 @@ kernel void count_triangles(global const short *voxels, global const int4 *table
     float d[8];
     for (int k = 0; k < BLOCK_VOXELS; k++) {
         int kind = cube_case(voxels, table, f, base + (int3)(k & 7, (k >> 3) & 7, k >> 6), d, &last, &place);
-        for (int j = 0; j < CASE_SIZE && cases[kind * CASE_SIZE + j] != 255; j += 3) count++;
+        for (int j = 0; j < CASE_SIZE && cases[kind * CASE_SIZE + j] != CASE_END; j += 3) count++;
     }
     counts[get_global_id(0)] = count;
 }
 
-inline float3 voxel_gradient(global const short *voxels, global const int4 *table, surface f, int3 i, int3 *last,
+inline float3 voxel_gradient(global const short *voxels, global const int4 *table, kernel_surface f, int3 i, int3 *last,
                              int *place) {
     float here = voxel_at(voxels, table, f, i, last, place);
     float g[3];
@@ -52,7 +48,7 @@ inline float3 voxel_gradient(global const short *voxels, global const int4 *tabl
 /* Writes each block's triangles from its offset on: position and normal (6 floats) a corner, three a triangle. A corner
  * is computed from its edge alone, always from the lower voxel up, so that all triangles that share it agree to the bit.
  * Global size: blocks. */
-kernel void emit_triangles(global const short *voxels, global const int4 *table, surface f, global const int4 *blocks,
+kernel void emit_triangles(global const short *voxels, global const int4 *table, kernel_surface f, global const int4 *blocks,
                            constant uchar *cases, int first, global const int *offsets, global float *vertices) {
     int index = first + get_global_id(0);
     int3 base = blocks[index].xyz * BLOCK_EDGE, last = (int3)(INT_MAX);
@@ -62,7 +58,7 @@ kernel void emit_triangles(global const short *voxels, global const int4 *table,
     for (int k = 0; k < BLOCK_VOXELS; k++) {
         int3 i = base + (int3)(k & 7, (k >> 3) & 7, k >> 6);
         int kind = cube_case(voxels, table, f, i, d, &last, &place);
-        for (int j = 0; j < CASE_SIZE && cases[kind * CASE_SIZE + j] != 255; j++) {
+        for (int j = 0; j < CASE_SIZE && cases[kind * CASE_SIZE + j] != CASE_END; j++) {
             int edge = cases[kind * CASE_SIZE + j];
             int a = edge_ends[edge][0], b = edge_ends[edge][1];
             int3 ia = i + corner_offset(a), ib = i + corner_offset(b);

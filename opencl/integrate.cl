@@ -1,14 +1,8 @@
 /* The surface as a truncated signed distance in hashed blocks of 8x8x8 voxels (Curless and Levoy 1996; Niessner et al.
  * 2013, "Real-time 3D reconstruction at scale using voxel hashing").
- *
- * A block is 512 distances (short, TSDF_ONE a truncation, positive in front of the surface, or NEVER_SEEN) and then 512
- * weights (ushort, WEIGHT_ONE for one observation at 1 m), x fastest. Voxel i stands at i * voxel metres in the world. */
+ */
 
-#define WEIGHT_ONE 64.0f
-#define WEIGHT_BITS 511 /* enough for a pixel's weight */
 #define BEHIND 1.0f /* truncations behind the surface along the ray that a pixel still speaks for */
-
-#define TILE_SLOTS 64 /* requests a tile may make */
 
 /* Which blocks near the scan's surface are not there yet? Each tile of pixels walks its rays through the truncation band
  * and lists the missing blocks it meets, each once, in its own slots: no atomics, so nothing depends on the order of
@@ -17,8 +11,8 @@
  * fourth will do. turn: only rows of tiles with an odd or even number (1, 0) ask; -1: all.
  * requests: TILE_SLOTS int4 a tile; counts: one int a tile; farthest: the tile's largest depth.
  * Global size: work-items that share a row of tiles, rows of tiles. */
-kernel void request_blocks(global const float *depth, camera c, rigid pose, float block_m, float truncation,
-                           global const int4 *table, uint mask, global int4 *requests, global int *counts,
+kernel void request_blocks(global const float *depth, kernel_camera c, kernel_rigid pose, float block_m, float truncation,
+                           global const int4 *table, uint mask, int submap, global int4 *requests, global int *counts,
                            global float *farthest, int turn) {
     int tiles_x = (c.width + TILE - 1) / TILE;
     int y0 = get_global_id(1) * TILE, y1 = min(y0 + TILE, c.height);
@@ -62,10 +56,10 @@ kernel void request_blocks(global const float *depth, camera c, rigid pose, floa
                     for (int l = 0; l < LANES; l++) {
                         if (!look[l]) continue;
                         int place = (bx[l] & 1) | (by[l] & 1) << 1 | (bz[l] & 1) << 2;
-                        int4 b = (int4)(bx[l], by[l], bz[l], 0);
+                        int4 b = (int4)(bx[l], by[l], bz[l], submap);
                         if (all(met[place] == b)) continue;
                         met[place] = b;
-                        bool known = count == TILE_SLOTS || find_block(table, mask, b.xyz) >= 0;
+                        bool known = count == TILE_SLOTS || find_block(table, mask, submap, b.xyz) >= 0;
                         for (int n = 0; n < count && !known; n++) known = all(slots[n] == b);
                         if (!known) slots[count++] = b;
                     }
@@ -76,7 +70,7 @@ kernel void request_blocks(global const float *depth, camera c, rigid pose, floa
 }
 
 /* The largest depth that any tile under the circle about a point in camera axes has. */
-inline float farthest_about(global const float *farthest, camera c, float3 m, float radius) {
+inline float farthest_about(global const float *farthest, kernel_camera c, float3 m, float radius) {
     float z = m.z - radius;
     if (z < 0.1f) return INFINITY;
     int tiles_x = (c.width + TILE - 1) / TILE, tiles_y = (c.height + TILE - 1) / TILE;
@@ -94,7 +88,7 @@ inline float farthest_about(global const float *farthest, camera c, float3 m, fl
  * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed. Second word:
  * w, made of that n so that the plane holds the pixel's point; its last bits are the weight. Pixels without depth have an
  * infinite w. Global size: work-items that share a row, height. */
-kernel void pack_planes(global const float *depth, global const float *normals, camera c, float2 noise,
+kernel void pack_planes(global const float *depth, global const float *normals, kernel_camera c, float2 noise,
                         global uint2 *planes) {
     int y = get_global_id(1);
     vfloat quarter = 0.25f, never = INFINITY, ry = ((float)y - c.cy) / c.fy;
@@ -124,12 +118,14 @@ kernel void pack_planes(global const float *depth, global const float *normals, 
  * seen: gets the frame's number for each block in view.
  * planes: of each pixel (pack_planes). farthest: each tile's largest depth.
  * Global size: work-items that share a block, blocks in use. */
-kernel void fuse_blocks(global const uint2 *planes, camera c, global const float *farthest, rigid world_to_camera,
-                        float voxel, float truncation, float max_weight, global const int4 *blocks, int settled,
-                        int turn, int frame, global int *seen, global short *voxels) {
+kernel void fuse_blocks(global const uint2 *planes, kernel_camera c, global const float *farthest, kernel_rigid world_to_camera,
+                        kernel_surface f, float max_weight, global const int4 *blocks, int settled, int turn, int frame,
+                        global int *seen, global short *voxels) {
     int index = get_global_id(1);
     if (index < settled && (index & 1) != turn) return;
     int4 b = blocks[index];
+    if (b.w != f.submap) return;
+    float voxel = f.voxel, truncation = f.truncation;
     float3 corner = convert_float3(b.xyz * BLOCK_EDGE) * voxel;
     float3 o = transform(world_to_camera, corner);
     float3 ex = voxel * (float3)(world_to_camera.x.x, world_to_camera.y.x, world_to_camera.z.x);
@@ -149,8 +145,8 @@ kernel void fuse_blocks(global const uint2 *planes, camera c, global const float
     if (m.z - radius > farthest_about(farthest, c, m, radius) + BEHIND * truncation) return;
 
     seen[index] = frame;
-    global wshort *distances = (global wshort *)(voxels + (size_t)index * 2 * BLOCK_VOXELS);
-    global wushort *weights = (global wushort *)(distances + BLOCK_VOXELS / WIDE);
+    global wshort *distances = (global wshort *)(voxels + DISTANCES_OF(index));
+    global wushort *weights = (global wushort *)(voxels + WEIGHTS_OF(index));
     wfloat lx = COLUMNS - 8.0f * floor(COLUMNS / 8.0f), ly = floor(COLUMNS / 8.0f);
     wfloat dx = ex.x * lx + ey.x * ly, dy = ex.y * lx + ey.y * ly, dz = ex.z * lx + ey.z * ly;
     wint nowhere = 0;
@@ -180,8 +176,8 @@ kernel void fuse_blocks(global const uint2 *planes, camera c, global const float
     }
 }
 
-/* Makes blocks new: nothing seen. Global size: blocks, rows of eight numbers (128: distances, then weights). */
+/* Makes blocks new: nothing seen. Global size: blocks, rows of eight numbers (BLOCK_SHORTS / 8). */
 kernel void clear_blocks(int first, global short *voxels) {
     size_t block = (size_t)(first + get_global_id(0)), row = get_global_id(1);
-    vstore8((short8)(row < BLOCK_VOXELS / 8 ? NEVER_SEEN : 0), block * 128 + row, voxels);
+    vstore8((short8)(row / (BLOCK_VOXELS / 8) == VOXEL_DISTANCE ? NEVER_SEEN : 0), 0, voxels + block * BLOCK_SHORTS + 8 * row);
 }

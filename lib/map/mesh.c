@@ -1,0 +1,90 @@
+#include "map/mesh.h"
+
+#include <string.h>
+
+void mesher_init(mesher *m, device *d, arena *a) {
+    memset(m, 0, sizeof *m);
+    device_buffer_make(d, a, 256 * CASE_SIZE, &m->cases);
+    device_buffer_make(d, a, MESH_BATCH * sizeof(cl_int), &m->counts);
+    device_buffer_make(d, a, MESH_BATCH * sizeof(cl_int), &m->offsets);
+    device_buffer_make(d, a, MESH_TRIANGLES * 18 * sizeof(float), &m->vertices);
+    if (!d->context) return;
+    m->count = device_kernel(d, "count_triangles");
+    m->emit = device_kernel(d, "emit_triangles");
+    if (d->error != FATHOM_OK) return;
+    uint8_t *table = device_map(d, &m->cases, CL_MAP_WRITE);
+    if (table) mesh_cases(table);
+    device_unmap(d, &m->cases, table);
+}
+
+void mesher_close(mesher *m) {
+    if (m->count) clReleaseKernel(m->count);
+    if (m->emit) clReleaseKernel(m->emit);
+    device_buffer *buffers[] = {&m->cases, &m->counts, &m->offsets, &m->vertices};
+    for (int i = 0; i < 4; i++) device_buffer_free(buffers[i]);
+}
+
+/* ---- triangles ---------------------------------------------------------------------------------------------------------- */
+
+/* Emits blocks first..first+blocks-1, which make `triangles` in all, and hands them over. */
+static int emit(mesher *m, device *d, volume *v, const kernel_surface *f, int first, int blocks,
+                const cl_int *counts, int triangles, fathom_triangles callback, void *user) {
+    cl_int *offsets = device_map(d, &m->offsets, CL_MAP_WRITE);
+    int sum = 0;
+    for (int i = 0; offsets && i < blocks; i++) {
+        offsets[i] = sum;
+        sum += counts[i];
+    }
+    device_unmap(d, &m->offsets, offsets);
+    cl_int from = first;
+    /* groups of one: Intel's compiler for CPUs (2026.2.0), given more, makes wrong normals of several blocks at once */
+    RUN(d, m->emit, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory), ARG(*f),
+        ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->offsets.memory),
+        ARG(m->vertices.memory));
+    fathom_vertex *vertices = device_map(d, &m->vertices, CL_MAP_READ);
+    int stop = vertices && d->error == FATHOM_OK ? callback(user, vertices, (size_t)triangles) : 0;
+    device_unmap(d, &m->vertices, vertices);
+    return d->error != FATHOM_OK ? d->error : stop ? FATHOM_ERROR_STOPPED : FATHOM_OK;
+}
+
+int64_t mesh_extract(mesher *m, device *d, volume *v, float min_weight, fathom_triangles callback,
+                        void *user) {
+    kernel_surface f = v->surface;
+    f.min_weight = min_weight > 0 ? min_weight * WEIGHT_ONE - 0.5f : 0;
+    int64_t total = 0;
+    for (int start = 0; start < v->pool.count; start += MESH_BATCH) {
+        int blocks = v->pool.count - start < MESH_BATCH ? v->pool.count - start : MESH_BATCH;
+        cl_int from = start, counts[MESH_BATCH];
+        RUN(d, m->count, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory), ARG(f),
+            ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->counts.memory));
+        cl_int *mapped = device_map(d, &m->counts, CL_MAP_READ);
+        if (!mapped) return d->error;
+        memcpy(counts, mapped, (size_t)blocks * sizeof *counts);
+        device_unmap(d, &m->counts, mapped);
+        int first = 0, sum = 0;
+        for (int i = 0; i <= blocks; i++) {
+            if (i == blocks || sum + counts[i] > MESH_TRIANGLES) {
+                int e = sum > 0
+                            ? emit(m, d, v, &f, start + first, i - first, counts + first, sum, callback, user)
+                            : 0;
+                if (e != FATHOM_OK) return e;
+                total += sum;
+                first = i;
+                sum = 0;
+            }
+            if (i < blocks) sum += counts[i];
+        }
+    }
+    return d->error != FATHOM_OK ? d->error : total;
+}
+
+static int ignore(void *user, const fathom_vertex *vertices, size_t triangle_count) {
+    (void)user, (void)vertices, (void)triangle_count;
+    return 0;
+}
+
+void mesh_warm_up(mesher *m, device *d, volume *v) {
+    const cl_int none = 0;
+    mesh_extract(m, d, v, 0, ignore, NULL);
+    emit(m, d, v, &v->surface, 0, 1, &none, 0, ignore, NULL);
+}
