@@ -582,8 +582,9 @@ typedef enum {
     FATHOM_VERDICT_CONDITION = 5,  /* above max_condition */
     FATHOM_VERDICT_INNOVATION = 6, /* further from the seed than max_innovation_sigmas */
     FATHOM_VERDICT_CONTRADICTION = 7, /* the surface should look otherwise from there: min_agreement, max_see_through */
-    FATHOM_VERDICT_UNCERTAIN = 8   /* above max_sigma_m or max_sigma_rad: the pose is given, and what geometry knows of it is
+    FATHOM_VERDICT_UNCERTAIN = 8,  /* above max_sigma_m or max_sigma_rad: the pose is given, and what geometry knows of it is
                                       used, but nothing is fused */
+    FATHOM_VERDICT_DEVICE = 9      /* OpenCL failed, in this step or before it: nothing is known of the frame */
 } fathom_verdict;
 
 /* "tracking", "no depth", "few pairs", ... Never NULL; static storage. Any thread. */
@@ -634,7 +635,9 @@ typedef struct {
 /* One turn of the paper's loop (Figure 2): maps of the depth frame, seed from the inertial estimate, alignment, verdict,
  * fusion or dead reckoning. Push the IMU samples up to the frame's stamp before; where they end early the last rate is
  * held. Returns FATHOM_OK also for frames that aren't tracked (see result->state); FATHOM_ERROR_TIME or _SIZE for a frame
- * that was ignored (then *result repeats the last pose); FATHOM_ERROR_DEVICE if OpenCL failed. One stepping thread. */
+ * that was ignored (then *result repeats the last pose); FATHOM_ERROR_DEVICE if OpenCL failed, now or in
+ * an earlier call: *result repeats the last good pose and its stamp, with FATHOM_LOST and FATHOM_VERDICT_DEVICE, and nothing
+ * is fused. Stepping thread. */
 FATHOM_API int fathom_step(fathom *context, const fathom_depth_frame *frame, fathom_result *result);
 
 #define FATHOM_RECENT 60 /* results that are kept */

@@ -83,6 +83,32 @@ inline float farthest_about(global const float *farthest, kernel_camera c, float
     return far;
 }
 
+/* Is something of a block in view? A sphere about its middle m, in camera axes, against the frustum and what the frame has
+ * in front of it. */
+inline bool in_view(global const float *farthest, kernel_camera c, kernel_surface f, float3 m) {
+    float radius = 3.5f * 1.7320508f * f.voxel;
+    if (m.z < -radius) return false;
+    /* the frustum's sides: u = -1/2, u = width - 1/2 and so on, as planes through the camera */
+    float z = fmax(m.z, 0.0f), left = c.cx + 0.5f, right = (float)c.width - 0.5f - c.cx;
+    float up = c.cy + 0.5f, down = (float)c.height - 0.5f - c.cy;
+    if (m.x * c.fx + left * z < -radius * sqrt(c.fx * c.fx + left * left)) return false;
+    if (m.x * c.fx - right * z > radius * sqrt(c.fx * c.fx + right * right)) return false;
+    if (m.y * c.fy + up * z < -radius * sqrt(c.fy * c.fy + up * up)) return false;
+    if (m.y * c.fy - down * z > radius * sqrt(c.fy * c.fy + down * down)) return false;
+    /* behind everything the frame sees there? */
+    return m.z - radius <= farthest_about(farthest, c, m, radius) + BEHIND * f.truncation;
+}
+
+/* Stamps the blocks that a frame has in view, before blocks make room for it. seen: gets the frame's number. Global size:
+ * blocks in use. */
+kernel void mark_seen(kernel_camera c, global const float *farthest, kernel_rigid world_to_camera, kernel_surface f,
+                      global const int4 *blocks, int frame, global int *seen) {
+    int index = get_global_id(0);
+    int4 b = blocks[index];
+    float3 middle = (convert_float3(b.xyz * BLOCK_EDGE) + 3.5f) * f.voxel;
+    if (b.w == f.submap && in_view(farthest, c, f, transform(world_to_camera, middle))) seen[index] = frame;
+}
+
 /* What fusion needs of a pixel, in eight bytes: the plane that its depth and normal stand for, in camera axes, and its
  * weight. A point p is n . p - w metres in front of the plane. The weight is the depth's inverse variance and how squarely
  * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed. Second word:
@@ -131,18 +157,7 @@ kernel void fuse_blocks(global const uint2 *planes, kernel_camera c, global cons
     float3 ex = voxel * (float3)(world_to_camera.x.x, world_to_camera.y.x, world_to_camera.z.x);
     float3 ey = voxel * (float3)(world_to_camera.x.y, world_to_camera.y.y, world_to_camera.z.y);
     float3 ez = voxel * (float3)(world_to_camera.x.z, world_to_camera.y.z, world_to_camera.z.z);
-    /* out of view? a sphere about the block against the frustum */
-    float radius = 3.5f * 1.7320508f * voxel;
-    float3 m = o + 3.5f * (ex + ey + ez);
-    if (m.z < -radius) return;
-    float z = fmax(m.z, 0.0f); /* the frustum's sides: u = -1/2, u = width - 1/2 and so on, as planes through the camera */
-    float left = c.cx + 0.5f, right = (float)c.width - 0.5f - c.cx, up = c.cy + 0.5f, down = (float)c.height - 0.5f - c.cy;
-    if (m.x * c.fx + left * z < -radius * sqrt(c.fx * c.fx + left * left)) return;
-    if (m.x * c.fx - right * z > radius * sqrt(c.fx * c.fx + right * right)) return;
-    if (m.y * c.fy + up * z < -radius * sqrt(c.fy * c.fy + up * up)) return;
-    if (m.y * c.fy - down * z > radius * sqrt(c.fy * c.fy + down * down)) return;
-    /* behind everything the frame sees there? */
-    if (m.z - radius > farthest_about(farthest, c, m, radius) + BEHIND * truncation) return;
+    if (!in_view(farthest, c, f, o + 3.5f * (ex + ey + ez))) return;
 
     seen[index] = frame;
     global wshort *distances = (global wshort *)(voxels + DISTANCES_OF(index));

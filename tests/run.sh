@@ -67,14 +67,11 @@ mkdir -p "$log/vendors"
 
 # An OpenCL platform of another vendor leaks and races in its own ways.
 export MACHINE_ICD_VENDORS="${OCL_ICD_VENDORS-}"
-if [ -z "$MACHINE_ICD_VENDORS" ] && ls /etc/OpenCL/vendors/pocl*.icd >/dev/null 2>&1; then
-    cp /etc/OpenCL/vendors/pocl*.icd "$log/vendors/"
+if ls "${OCL_ICD_VENDORS:-/etc/OpenCL/vendors}"/pocl*.icd >/dev/null 2>&1; then
+    cp "${OCL_ICD_VENDORS:-/etc/OpenCL/vendors}"/pocl*.icd "$log/vendors/"
     OCL_ICD_VENDORS=$(cd "$log/vendors" && pwd)/
     export OCL_ICD_VENDORS
 fi
-
-# PoCL's threads would only be in each other's way; what depends on their number sets it (determinism.sh, test_kernels).
-[ "$jobs" -eq 1 ] || export POCL_MAX_PTHREAD_COUNT="${POCL_MAX_PTHREAD_COUNT:-1}"
 
 # The list of all runs, a line each: name, command.
 list() {

@@ -9,9 +9,17 @@ int call_begin(fathom *f) {
     return FATHOM_OK;
 }
 
+/* What every step says from now on. */
+static void say_lost(fathom_result *r) {
+    r->state = FATHOM_LOST;
+    r->verdict = FATHOM_VERDICT_DEVICE;
+    r->fused = r->seeded = r->searched = r->pool_full = false;
+    r->iterations = r->pairs = r->overlap_pixels = r->blocks_dropped = r->blocks_restored = 0;
+}
+
 int call_end(fathom *f) {
     if (f->device.error == FATHOM_OK) return FATHOM_OK;
-    atomic_store(&f->dead, true);
+    if (!atomic_exchange(&f->dead, true)) say_lost(&f->result);
     return FATHOM_ERROR_DEVICE;
 }
 

@@ -21,6 +21,7 @@ static void close_parts(fathom *f) {
 
 static void start_over(fathom *f) {
     volume_clear(&f->volume, &f->device);
+    if (f->device.error != FATHOM_OK) return;
     integrator_clear(&f->integrator);
     inertial_drain(&f->inertial);
     inertial_reset(&f->inertial);

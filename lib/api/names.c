@@ -48,8 +48,8 @@ const char *fathom_state_name(int32_t state) {
 
 const char *fathom_verdict_name(int32_t verdict) {
     static const char *const names[] = {"tracking",  "no depth",   "few pairs",     "overlap",  "residual",
-                                        "condition", "innovation", "contradiction", "uncertain"};
-    return (uint32_t)verdict < 9 ? names[verdict] : "unknown";
+                                        "condition", "innovation", "contradiction", "uncertain", "device"};
+    return (uint32_t)verdict < 10 ? names[verdict] : "unknown";
 }
 
 const char *fathom_imu_health_name(int32_t health) {

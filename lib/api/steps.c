@@ -26,9 +26,18 @@ int fathom_step(fathom *f, const fathom_depth_frame *given, fathom_result *resul
         if (f && size > 0) sized_out(result, size, &f->result, sizeof f->result);
         return e;
     }
+    const fathom_result last = f->result;
+    const pose at = f->pose;
     step(f, &frame, &whole);
+    if (f->device.error != FATHOM_OK) { /* what was computed since is worth nothing: the last good pose stays */
+        f->pose = at;
+        f->result = last;
+    }
     e = call_end(f);
-    if (e == FATHOM_OK) remember(&f->recent, &whole);
+    if (e == FATHOM_OK)
+        remember(&f->recent, &whole);
+    else
+        whole = f->result;
     sized_out(result, size, &whole, sizeof whole);
     if (whole.pool_full && !f->said_full) {
         f->said_full = true;

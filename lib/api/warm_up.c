@@ -21,6 +21,7 @@ void warm_up(fathom *f) {
     device_clear(d, &v->pool.keys);
     integrator_clear_blocks(g, d, v, 0, 1);
     v->pool.count = 1;
+    integrator_mark_seen(g, d, v, &f->maps, &here);
     integrator_fuse(g, d, v, &f->maps, &here, false);
     raycast_near(r, d, &f->maps, &here, 0.1f, true, &f->tracker.models.level[FINEST]);
     raycast_halve(r, d, f->maps.camera, f->tracker.models.level, 0);

@@ -194,7 +194,10 @@ int program_build(device *d) {
         sources[n++] = kernel_sources[i];
     }
     d->program = clCreateProgramWithSource(d->context, n, sources, NULL, &e);
-    if (!d->program) return FATHOM_ERROR_KERNEL;
+    if (!d->program) {
+        log_write(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels can't be given to %s (code %d)", d->name, e);
+        return FATHOM_ERROR_KERNEL;
+    }
     const char *extra = getenv("FATHOM_KERNEL_OPTIONS"); /* for tests: a build that fails */
     if (extra) snprintf(options + strlen(options), sizeof options - strlen(options), " %s", extra);
     e = clBuildProgram(d->program, 1, &d->id, options, NULL, NULL);

@@ -8,7 +8,8 @@ void timeline_init(timeline *t, arena *a) {
 void timeline_restart(timeline *t, const navigation *now) {
     t->first = 0;
     t->count = 1;
-    t->moments[0] = (timeline_moment){measurement_of_nothing(now->state.timestamp_ns), *now};
+    t->moments[0].by = measurement_of_nothing(now->state.timestamp_ns);
+    t->moments[0].after = *now;
 }
 
 int timeline_find(const timeline *t, int64_t timestamp_ns) {

@@ -27,7 +27,10 @@ void fuse(fusing *f, const pose *at, fathom_result *r) {
     int wanted = integrator_request(g, f->device, v, f->maps, at, calm);
     if (wanted > 0) {
         bool drop = c->when_full == FATHOM_FULL_DROP;
-        if (drop && v->pool.count + wanted > v->pool.capacity) eviction_make_room(v, f->device, g, s, wanted);
+        if (drop && v->pool.count + wanted > v->pool.capacity) {
+            integrator_mark_seen(g, f->device, v, f->maps, at);
+            eviction_make_room(v, f->device, g, s, wanted);
+        }
         int first = integrator_allocate(g, f->device, v);
         if (drop) eviction_restore(v, f->device, s, first);
     }

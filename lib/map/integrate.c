@@ -15,13 +15,14 @@ void integrator_init(integrator *g, device *d, arena *a, const fathom_config *c,
     device_buffer_make(d, a, (size_t)camera->width * (size_t)camera->height * sizeof(cl_uint2), &g->planes);
     if (!d->context) return;
     g->request = device_kernel(d, "request_blocks");
+    g->mark_seen = device_kernel(d, "mark_seen");
     g->clear = device_kernel(d, "clear_blocks");
     g->pack_planes = device_kernel(d, "pack_planes");
     g->fuse = device_kernel(d, "fuse_blocks");
 }
 
 void integrator_close(integrator *g) {
-    cl_kernel kernels[] = {g->request, g->clear, g->pack_planes, g->fuse};
+    cl_kernel kernels[] = {g->request, g->mark_seen, g->clear, g->pack_planes, g->fuse};
     for (size_t i = 0; i < sizeof kernels / sizeof *kernels; i++)
         if (kernels[i]) clReleaseKernel(kernels[i]);
     device_buffer *buffers[] = {&g->requests, &g->counts, &g->farthest, &g->planes};
@@ -49,6 +50,14 @@ int integrator_request(integrator *g, device *d, volume *v, depth_maps *maps, co
     for (int i = 0; counts && i < g->tiles; i++) wanted += counts[i];
     device_unmap(d, &g->counts, counts);
     return wanted;
+}
+
+void integrator_mark_seen(integrator *g, device *d, volume *v, depth_maps *maps, const pose *camera_to_world) {
+    pose inverse = pose_inverse(camera_to_world);
+    kernel_rigid rigid = kernel_rigid_of(&inverse);
+    cl_int frame = g->frames + 1;
+    RUN(d, g->mark_seen, (size_t)v->pool.count, 1, 1, ARG(maps->camera[FINEST]), ARG(g->farthest.memory), ARG(rigid),
+        ARG(v->surface), ARG(v->pool.keys.memory), ARG(frame), ARG(v->pool.seen.memory));
 }
 
 int integrator_allocate(integrator *g, device *d, volume *v) {

@@ -19,7 +19,7 @@ typedef struct {
     device_buffer counts;   /* of them: an int a tile */
     device_buffer farthest; /* largest depth of each tile */
     device_buffer planes;   /* what each pixel stands for: 8 bytes */
-    cl_kernel request, clear, pack_planes, fuse;
+    cl_kernel request, mark_seen, clear, pack_planes, fuse;
 } integrator;
 
 void integrator_init(integrator *g, device *d, arena *a, const fathom_config *config, const depth_maps *maps);
@@ -33,6 +33,9 @@ void integrator_clear(integrator *g);
  * next one. */
 int integrator_request(integrator *g, device *d, volume *v, depth_maps *maps, const pose *camera_to_world,
                        bool calm);
+
+/* Queues the stamping of the blocks that the frame asked for last has in view: they aren't to make room for it. */
+void integrator_mark_seen(integrator *g, device *d, volume *v, depth_maps *maps, const pose *camera_to_world);
 
 /* Gives them places as far as there are any, from the returned one on; they are new: nothing seen. */
 int integrator_allocate(integrator *g, device *d, volume *v);

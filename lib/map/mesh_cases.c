@@ -1,6 +1,6 @@
-#include <string.h>
-
 #include "map/mesh.h"
+
+#include <string.h>
 
 static int edge_between(int a, int b) {
     static const uint8_t ends[12][2] = EDGE_ENDS;
@@ -9,12 +9,38 @@ static int edge_between(int a, int b) {
     return -1;
 }
 
+static const uint8_t faces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+
+/* Do three edges lie on one face? */
+static bool on_a_face(int a, int b, int c) {
+    for (int f = 0; f < 6; f++) {
+        int on = 0;
+        for (int k = 0; k < 4; k++) {
+            int e = edge_between(faces[f][k], faces[f][(k + 1) % 4]);
+            on += (e == a) + (e == b) + (e == c);
+        }
+        if (on == 3) return true;
+    }
+    return false;
+}
+
+/* A loop's fan from its start-th edge. A triangle within a face would lie back to back with one of the next cube, which may
+ * make the same: no fan with such a triangle is taken, and for each loop there is one without. */
+static bool fan(const int *loop, int length, int start, uint8_t *out) {
+    for (int i = 1; i + 1 < length; i++) {
+        int a = loop[start], b = loop[(start + i) % length], c = loop[(start + i + 1) % length];
+        if (on_a_face(a, b, c)) return false;
+        *out++ = (uint8_t)a;
+        *out++ = (uint8_t)b;
+        *out++ = (uint8_t)c;
+    }
+    return true;
+}
+
 /* On each face the surface's trace joins the edge where a walk around the face enters the inside with the edge where it
  * leaves again. Two cubes that share a face so agree on it, even where its corners alternate, and the mesh has no holes.
  * Each crossed edge is entered on one of its faces and left on the other, so the joins form loops; each loop is a fan. */
 void mesh_cases(uint8_t table[256 * CASE_SIZE]) {
-    static const uint8_t faces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
-                                        {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
     memset(table, CASE_END, 256 * CASE_SIZE);
     for (int kind = 0; kind < 256; kind++) {
         int next[12];
@@ -28,18 +54,18 @@ void mesh_cases(uint8_t table[256 * CASE_SIZE]) {
                 next[edge_between(outside, inside)] = edge_between(faces[f][m % 4], faces[f][(m + 1) % 4]);
             }
         uint8_t *out = table + CASE_SIZE * kind;
-        for (int start = 0; start < 12; start++) {
-            if (next[start] < 0) continue;
-            int a = next[start], b = next[a];
-            while (b != start) {
-                *out++ = (uint8_t)start;
-                *out++ = (uint8_t)a;
-                *out++ = (uint8_t)b;
-                next[a] = -1;
-                a = b;
-                b = next[b];
+        for (int first = 0; first < 12; first++) {
+            int loop[12], length = 0;
+            for (int e = first; next[e] >= 0; length++) {
+                loop[length] = e;
+                e = next[e];
+                next[loop[length]] = -1;
             }
-            next[a] = next[start] = -1;
+            if (length == 0) continue;
+            int start = 0;
+            while (start < length - 1 && !fan(loop, length, start, out)) start++;
+            fan(loop, length, start, out);
+            out += 3 * (length - 2);
         }
     }
 }

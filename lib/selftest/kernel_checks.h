@@ -12,6 +12,7 @@ typedef struct {
     /* Runs on an open device. small: few pixels, and buffers without a byte too many, for Oclgrind. why: one line on what
      * failed, or why it was skipped; else empty. */
     fathom_check (*run)(device *d, bool small, char *why, size_t size);
+    bool wide; /* its kernel is another one where WIDE is another (opencl/common.cl) */
 } kernel_check;
 
 extern const kernel_check kernel_checks[];

@@ -224,6 +224,7 @@ static fathom_check raycasts(device *d, bool small, char *why, size_t size, bool
     for (int i = 0; i < count * 4; i++) {
         bench_view view = {.c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height)};
         int kind = i / count;
+        if (kind >= 2 && i % count > 4) continue; /* nothing to be seen: some sizes are enough */
         view.camera_to_world = bench_motion(&b, 0.1, 0.1);
         view.near_m = 0.1f;
         view.far_m = 3;

@@ -9,7 +9,7 @@ from systems import KINDS
 
 HEAD = """# Speed
 
-Made by `make bench BENCH=--results` (tests/bench/); not written by hand. Everything here was measured in one run, systems
+Made by `make bench BENCH=--results` (tests/bench/); the last section is tests/bench/history.md. Everything else here was measured in one run, systems
 taking turns; absolute times don't carry over to other machines, ratios do better. Compare within one run only.
 """
 
@@ -49,9 +49,15 @@ def limits_text(limits):
     return lines
 
 
+def history():
+    """What was measured while the kernels were made, written by hand in history.md."""
+    with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "history.md"), encoding="utf-8") as file:
+        return file.read()
+
+
 def write(path, described, head, rows, limits):
     lines = [HEAD, *[sentence(line)[:-1] + "  " for line in machine.lines(described)],
-             sentence(report.summary(head)), "", *compared(rows), *paragraph(report.NOTES), *limits_text(limits)]
+             sentence(report.summary(head)), "", *compared(rows), *paragraph(report.NOTES), *limits_text(limits), history()]
     with open(path + ".part", "w", encoding="utf-8") as file:
         file.write("\n".join(lines).rstrip("\n") + "\n")
     os.replace(path + ".part", path)

@@ -127,11 +127,25 @@ readme_is_example() {
     awk '/^```c$/ && !done { inside = 1; next } /^```/ { if (inside) done = 1; inside = 0 } inside' README.md >"$work/readme.c" &&
         diff examples/minimal.c "$work/readme.c"
 }
-minimal() { [ "$("$build/minimal" | cut -d: -f1 | tr '\n' ' ')" = "first tracked " ]; }
+# Two frames of a room's corner, the second from 1 cm further in.
+corner() {
+    python3 -c '
+import struct, sys
+for z in (0, 0.01):
+    rows = []
+    for y in range(480):
+        for x in range(640):
+            u, v, d = (x - 319.5) / 525, (y - 239.5) / 525, 1.5 - z
+            d = 0.4 / u if u * d > 0.4 else d
+            d = 0.3 / v if v * d > 0.3 else d
+            rows.append(int(1000 * d + 0.5))
+    sys.stdout.buffer.write(struct.pack("<307200H", *rows))' >"$work/corner.raw"
+}
+minimal() { corner && [ "$("$build/minimal" <"$work/corner.raw" | cut -d: -f1 | tr '\n' ' ')" = "first tracked " ]; }
 readme_program() {
     [ -s "$work/readme.c" ] &&
         $cc -std=c11 -Wall -Wextra -Werror -o "$work/readme" "$work/readme.c" $(pkg-config --cflags --libs fathom) -lm &&
-        LD_LIBRARY_PATH=$usr/lib "$work/readme"
+        LD_LIBRARY_PATH=$usr/lib "$work/readme" <"$work/corner.raw"
 }
 if [ -f README.md ] && grep -q '^```c$' README.md; then
     check "the README's program is examples/minimal.c" readme_is_example

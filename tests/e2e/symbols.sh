@@ -50,13 +50,13 @@ done
 check "the library's inside has names to be hidden ($(wc -l <names))" names
 
 sed 's/.*/int &(void); int &(void) { return 1; }/' names >names.c
-$cc -std=c11 -w -fno-builtin -I"$root/lib" -o caller names.c "$root/tests/e2e/programs/two_steps.c" "$build/libfathom.a" \
+$cc -std=c11 -w -fno-builtin -I"$root/lib" -o caller names.c "$root/tests/e2e/programs/small_scan.c" "$build/libfathom.a" \
     -lOpenCL -lstdc++ -lpthread -lm >out 2>err
 check "a program that defines them links with libfathom.a"
-./caller >out 2>err
+./caller 64 48 ss >out 2>err && grep -q "^first fused, tracked fused" out
 check "its steps are the library's: the second frame is tracked and fused"
-$cc -std=c11 -w -fno-builtin -I"$root/lib" -o shared names.c "$root/tests/e2e/programs/two_steps.c" -L"$build" -lfathom \
-    -Wl,-rpath,"$build" -rdynamic >out 2>err && ./shared >out 2>err
+$cc -std=c11 -w -fno-builtin -I"$root/lib" -o shared names.c "$root/tests/e2e/programs/small_scan.c" -L"$build" -lfathom \
+    -Wl,-rpath,"$build" -rdynamic >out 2>err && ./shared 64 48 ss >out 2>err && grep -q "^first fused, tracked fused" out
 check "the same with libfathom.so, from a program that lets its own names out"
 
 echo "1..$number"

@@ -26,7 +26,7 @@ ROOT = os.path.dirname(os.path.dirname(HERE))
 
 HEAD = """# Results
 
-Made by `make reproduce` (tests/reproduce/); not written by hand. Each number stands beside the command that made it, or in a
+Made by `make reproduce` (tests/reproduce/); the last section is tests/reproduce/history.md. Each other number stands beside the command that made it, or in a
 list of commands below its table. The paper is M. Niessner, A. Dai, M. Fisher, "Combining Inertial Navigation and ICP for
 Real-time 3D Surface Reconstruction", Eurographics 2014. Four ways are compared:
 
@@ -138,6 +138,8 @@ def assemble(results, docs):
     for letter, k in kept.items():
         lines += [f"## ({letter}) {SECTIONS[letter].TITLE}", ""] + SECTIONS[letter].page(k["results"], pictures)
         lines += [f"`make reproduce SECTIONS={letter}` makes this section.", ""]
+    with open(os.path.join(HERE, "history.md"), encoding="utf-8") as file:
+        lines += file.read().splitlines()
     path = os.path.join(docs, "RESULTS.md")
     with open(path + ".part", "w") as file:
         file.write("\n".join(map(wrapped, lines)).rstrip() + "\n")

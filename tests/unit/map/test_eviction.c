@@ -6,9 +6,11 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "context.h"
 #include "synthetic.h"
 
 #define FRAMES 150 /* through a room, five seconds */
@@ -146,8 +148,8 @@ static void nobody_keeps_them_and_the_scan_goes_on(void **state) {
     synthetic_stop(&s);
 }
 
-/* Less than one view needs: nothing that is in view goes, and the pool is said to be full. */
-static void what_is_in_view_stays(void **state) {
+/* Less than one view needs: nothing makes room, and the pool is said to be full. */
+static void a_pool_smaller_than_a_view_is_said_to_be_full(void **state) {
     (void)state;
     store kept = {0};
     fathom_config c = small_pool();
@@ -167,6 +169,152 @@ static void what_is_in_view_stays(void **state) {
     synthetic_stop(&s);
 }
 
+/* ---- bookkeeping, exactly ---- */
+
+static void fuse_frame(fathom *f, int i, fathom_result *r) {
+    pose at;
+    assert_true(pose_take(&frames[i].pose, &at));
+    depth_maps_make(&f->maps, &f->device, frames[i].depth, 2 * SYNTHETIC_WIDTH, 0);
+    fuse(&f->fusing, &at, r);
+    device_wait(&f->device);
+}
+
+/* Does a point of the frame's surface lie in the block? */
+static bool holds_a_point(const int32_t index[3], const fathom_config *c, int i) {
+    pose at;
+    assert_true(pose_take(&frames[i].pose, &at));
+    for (int k = 0; k < SYNTHETIC_PIXELS; k++) {
+        const double z = frames[i].depth[k] / (double)SYNTHETIC_UNITS;
+        const double p[3] = {(k % SYNTHETIC_WIDTH - c->depth_camera.cx) / c->depth_camera.fx * z,
+                             (k / SYNTHETIC_WIDTH - c->depth_camera.cy) / c->depth_camera.fy * z, z};
+        bool inside = z > 0;
+        for (int a = 0; a < 3 && inside; a++) {
+            const double *r = at.r + 3 * a, w = r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + at.t[a];
+            inside = (int)floor(w / (8 * (double)c->voxel_m)) == index[a];
+        }
+        if (inside) return true;
+    }
+    return false;
+}
+
+/* The way until room is needed, and then at once back to where it began: what was seen longest ago is in view again. */
+static void what_a_returning_camera_sees_stays(void **state) {
+    (void)state;
+    store kept = {0};
+    fathom_config c = small_pool();
+    c.when_full = FATHOM_FULL_DROP;
+    c.block_out = keep;
+    c.block_user = &kept;
+    synthetic_context s = synthetic_start(&c);
+    int returns = 0;
+    for (int i = 0; i < FRAMES; i++) {
+        fathom_result r = {0};
+        fuse_frame(s.scan, i, &r);
+        if (r.blocks_dropped == 0) continue;
+        const int before = kept.count, back = i / 2;
+        fathom_result there = {0};
+        fuse_frame(s.scan, back, &there);
+        returns += there.blocks_dropped > 0;
+        for (int k = before; k < kept.count; k++) assert_false(holds_a_point(kept.blocks[k].index, &c, back));
+    }
+    print_message("%d returns for which blocks made room\n", returns);
+    assert_true(returns >= 3);
+    free(kept.blocks);
+    synthetic_stop(&s);
+}
+
+/* Blocks in a row, block k last seen in frame 10 (k % 5). */
+static void when_a_block_was_seen_moves_with_it(void **state) {
+    (void)state;
+    fathom_config c = small_pool();
+    c.when_full = FATHOM_FULL_DROP;
+    synthetic_context s = synthetic_start(&c);
+    volume *v = &s.scan->volume;
+    integrator *g = &s.scan->integrator;
+    volume_view view;
+    assert_true(volume_map(v, &s.scan->device, CL_MAP_READ | CL_MAP_WRITE, false, &view));
+    for (int k = 0; k < POOL; k++) volume_add(v, &view, &(cl_int4){{k, -k, 2 * k, 0}}, 10 * (k % 5));
+    volume_unmap(v, &s.scan->device, &view);
+    g->frames = 60;
+    g->settled = g->settling = 300;
+    assert_int_equal(eviction_make_room(v, &s.scan->device, g, &s.scan->store, POOL / 5), POOL / 5);
+    assert_int_equal(v->pool.count, POOL - POOL / 5);
+    assert_int_equal(g->settled, 0); /* places have new owners: none counts as settled */
+    assert_int_equal(g->settling, v->pool.count);
+    assert_true(volume_map(v, &s.scan->device, CL_MAP_READ, false, &view));
+    for (int k = 0, place = 0; k < POOL; k++) {
+        const cl_int4 key = {{k, -k, 2 * k, 0}};
+        assert_int_equal(volume_place(&view, &key), k % 5 ? place : -1);
+        if (k % 5 == 0) continue;
+        assert_memory_equal(&view.keys[place], &key, sizeof key);
+        assert_int_equal(view.seen[place++], 10 * (k % 5));
+    }
+    volume_unmap(v, &s.scan->device, &view);
+    synthetic_stop(&s);
+}
+
+static void a_new_block_was_seen_now(void **state) {
+    (void)state;
+    fathom_config c = small_pool();
+    synthetic_context s = synthetic_start(&c);
+    fathom *f = s.scan;
+    pose at;
+    volume_view view;
+    assert_true(pose_take(&frames[0].pose, &at));
+    assert_true(volume_map(&f->volume, &f->device, CL_MAP_WRITE, false, &view));
+    for (int i = 0; i < POOL; i++) view.seen[i] = -7;
+    volume_unmap(&f->volume, &f->device, &view);
+    f->integrator.frames = 41;
+    depth_maps_make(&f->maps, &f->device, frames[0].depth, 2 * SYNTHETIC_WIDTH, 0);
+    assert_true(integrator_request(&f->integrator, &f->device, &f->volume, &f->maps, &at, false) > 100);
+    assert_int_equal(integrator_allocate(&f->integrator, &f->device, &f->volume), 0);
+    assert_true(volume_map(&f->volume, &f->device, CL_MAP_READ, false, &view));
+    for (int i = 0; i < f->volume.pool.count; i++) assert_int_equal(view.seen[i], 41);
+    volume_unmap(&f->volume, &f->device, &view);
+    synthetic_stop(&s);
+}
+
+static void a_pool_that_has_room_again_is_not_full(void **state) {
+    (void)state;
+    fathom_config c = small_pool();
+    c.max_blocks = 64;
+    synthetic_context s = synthetic_start(&c);
+    fathom_result r = {0};
+    fuse_frame(s.scan, 0, &r);
+    assert_true(r.pool_full);
+    s.scan->volume.pool.count = 0;
+    volume_clear(&s.scan->volume, &s.scan->device);
+    static synthetic_frame empty;
+    empty = frames[0];
+    memset(empty.depth, 0, sizeof empty.depth);
+    pose at;
+    assert_true(pose_take(&empty.pose, &at));
+    depth_maps_make(&s.scan->maps, &s.scan->device, empty.depth, 2 * SYNTHETIC_WIDTH, 0);
+    fuse(&s.scan->fusing, &at, &r);
+    assert_false(r.pool_full);
+    synthetic_stop(&s);
+}
+
+/* Where maps are small the view that relocalisation casts, half a width more on each side, has more tiles than the maps. */
+static void every_view_that_is_cast_finds_room_for_its_tiles(void **state) {
+    (void)state;
+    static const int widths[] = {32, 40, 80, 160};
+    for (size_t i = 0; i < sizeof widths / sizeof *widths; i++) {
+        fathom_config c = small_pool();
+        c.max_align_width = widths[i];
+        synthetic_context s = synthetic_start(&c);
+        const fathom *f = s.scan;
+        const kernel_camera *cast[] = {&f->maps.camera[FINEST], &f->tracker.view.same, &f->tracker.view.wide};
+        for (int k = 0; k < 3; k++) {
+            const size_t bytes = 8 * (size_t)kernel_tiles(cast[k]);
+            if (bytes > f->raycaster.ranges.size || kernel_tiles(cast[k]) > f->raycaster.tiles)
+                fail_msg("maps %d wide: view %d has %d tiles, there is room for %d", f->maps.camera[FINEST].width, k,
+                         kernel_tiles(cast[k]), f->raycaster.tiles);
+        }
+        synthetic_stop(&s);
+    }
+}
+
 static int setup(void **state) {
     (void)state;
     synthetic_render(SCENE_ROOM, 0, FRAMES, frames);
@@ -178,7 +326,12 @@ int main(void) {
         cmocka_unit_test(without_it_the_surface_stops_growing),
         cmocka_unit_test(the_way_goes_on_and_back),
         cmocka_unit_test(nobody_keeps_them_and_the_scan_goes_on),
-        cmocka_unit_test(what_is_in_view_stays),
+        cmocka_unit_test(a_pool_smaller_than_a_view_is_said_to_be_full),
+        cmocka_unit_test(what_a_returning_camera_sees_stays),
+        cmocka_unit_test(when_a_block_was_seen_moves_with_it),
+        cmocka_unit_test(a_new_block_was_seen_now),
+        cmocka_unit_test(a_pool_that_has_room_again_is_not_full),
+        cmocka_unit_test(every_view_that_is_cast_finds_room_for_its_tiles),
     };
     return cmocka_run_group_tests(tests, setup, NULL);
 }

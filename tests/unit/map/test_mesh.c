@@ -280,8 +280,27 @@ static void the_table_uses_the_crossed_edges(void **state) {
     }
 }
 
+/* A triangle within a face of its cube would lie back to back with one of the next cube. */
+static void no_triangle_lies_within_a_face_of_its_cube(void **state) {
+    (void)state;
+    static const uint8_t ends[12][2] = EDGE_ENDS;
+    static uint8_t table[256 * CASE_SIZE];
+    mesh_cases(table);
+    for (int i = 0; i < 256 * CASE_SIZE; i += i % CASE_SIZE == 12 ? 4 : 3)
+        for (int axis = 0; axis < 3 && table[i] != CASE_END; axis++) {
+            int high = 0, low = 0; /* edges on the two faces across the axis */
+            for (int k = i; k < i + 3; k++) {
+                const int a = ends[table[k]][0] >> axis & 1, b = ends[table[k]][1] >> axis & 1;
+                high += a && b;
+                low += !a && !b;
+            }
+            if (high == 3 || low == 3) fail_msg("case %d, triangle %d", i / CASE_SIZE, i % CASE_SIZE / 3);
+        }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(no_triangle_lies_within_a_face_of_its_cube),
         cmocka_unit_test(the_table_uses_the_crossed_edges),
         cmocka_unit_test_setup_teardown(a_sphere_is_closed, open_scene, close_scene),
         cmocka_unit_test_setup_teardown(a_torus_is_closed, open_scene, close_scene),

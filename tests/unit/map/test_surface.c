@@ -20,14 +20,8 @@
 #include "simulate/scene.h"
 #include "fathom_drivers.h"
 
-/* Sanitized code is several times slower. */
-#if defined(__SANITIZE_ADDRESS__)
 #define FRAMES "120"
 #define EVERY 6 /* frames looked at for completeness: every so many */
-#else
-#define FRAMES "300"
-#define EVERY 5
-#endif
 #define ROOM_SEED 1 /* fathom simulate's default */
 #define NEAREST_M 0.3
 #define FARTHEST_M 5.0

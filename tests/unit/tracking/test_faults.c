@@ -22,11 +22,11 @@
 #define DENSE_UNTIL 5.0 /* 20 frames a second until here, then 6 */
 #define DENSE_RATE 20
 #define SPARSE_RATE 6
-#define END 61.0
+#define END 31.0
 #define DENSE 80
-#define FRAMES (DENSE + 336 + 1)
+#define FRAMES (DENSE + 156 + 1)
 #define IMU_RATE 200
-#define SAMPLES (62 * IMU_RATE)
+#define SAMPLES (32 * IMU_RATE)
 #define PERIOD_NS (SECOND / IMU_RATE)
 #define PACE 1.5            /* times the usual 0.3 to 0.5 m/s and 25 deg/s */
 #define FAULT 3.0           /* when most faults begin */
@@ -72,32 +72,35 @@ static int64_t ns(double seconds) {
     return (int64_t)llround(1e9 * seconds);
 }
 
-static int render_all(void **state) {
-    static const struct imu_mounting on_the_camera;
+/* A frame of the walk, rendered when it is first wanted. */
+static const synthetic_frame *frame_of(int i) {
     static const struct render_camera camera = {
         SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, 131.25, 131.25, 79.5, 59.5};
     static float depth[SYNTHETIC_PIXELS], cosine[SYNTHETIC_PIXELS];
+    synthetic_frame *f = &rendered[i];
+    struct camera_pose at;
+    pose p;
+    if (f->timestamp_ns != 0) return f;
+    camera_path_pose(&path, frame_time(i), &at);
+    assert_true(render_depth(&scene, &camera, &at, 12.0, 2, depth, cosine));
+    assert_true(sensor_measure(depth, cosine, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, SYNTHETIC_WIDTH / 640.0, SYNTHETIC_SEED,
+                               (uint64_t)i));
+    f->timestamp_ns = ns(frame_time(i));
+    for (int k = 0; k < SYNTHETIC_PIXELS; k++) f->depth[k] = (uint16_t)lround(depth[k] * SYNTHETIC_UNITS);
+    memcpy(p.r, at.rotation, sizeof p.r);
+    memcpy(p.t, at.position, sizeof p.t);
+    f->pose = pose_give(&p);
+    return f;
+}
+
+static int walk(void **state) {
+    static const struct imu_mounting on_the_camera;
     struct imu_model imu;
     (void)state;
-    rendered = malloc(FRAMES * sizeof *rendered);
+    rendered = calloc(FRAMES, sizeof *rendered);
     if (!rendered || !scene_make(&scene, SCENE_ROOM, SYNTHETIC_SEED, 0)) return -1;
     camera_path_make(&path, &scene, BEGIN + 0.5, PACE, PACE);
-    for (int i = 0; i < FRAMES; i++) {
-        struct camera_pose at;
-        pose p;
-        synthetic_frame *f = &rendered[i];
-        camera_path_pose(&path, frame_time(i), &at);
-        if (!render_depth(&scene, &camera, &at, 12.0, 2, depth, cosine) ||
-            !sensor_measure(depth, cosine, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, SYNTHETIC_WIDTH / 640.0,
-                            SYNTHETIC_SEED, (uint64_t)i))
-            return -1;
-        f->timestamp_ns = ns(frame_time(i));
-        for (int k = 0; k < SYNTHETIC_PIXELS; k++) f->depth[k] = (uint16_t)lround(depth[k] * SYNTHETIC_UNITS);
-        memcpy(p.r, at.rotation, sizeof p.r);
-        memcpy(p.t, at.position, sizeof p.t);
-        f->pose = pose_give(&p);
-        whole.frames[i] = (arriving_frame){frame_time(i), f->timestamp_ns, i, SEEN};
-    }
+    for (int i = 0; i < FRAMES; i++) whole.frames[i] = (arriving_frame){frame_time(i), ns(frame_time(i)), i, SEEN};
     whole.frame_count = FRAMES;
     imu_model_make(&imu, imu_grade_of("consumer"), &on_the_camera, IMU_RATE, SYNTHETIC_SEED);
     for (whole.sample_count = 0; whole.sample_count < SAMPLES; whole.sample_count++) {
@@ -217,10 +220,10 @@ static void one_stamp_far_ahead(rig *r) {
         }
 }
 
-/* 6 ms ahead after a minute. */
+/* 6 ms ahead after half a minute. */
 static void drifts(rig *r) {
     for (int i = 0; i < r->sample_count; i++)
-        r->samples[i].sample.timestamp_ns += r->samples[i].sample.timestamp_ns / 10000;
+        r->samples[i].sample.timestamp_ns += r->samples[i].sample.timestamp_ns / 5000;
 }
 
 static void doubled(rig *r) {
@@ -350,7 +353,7 @@ static const fault faults[] = {
     {"IMU clock 3 s ahead after a gap", jumps_in_a_gap, USUAL, 0, NOT_RUN, 0, 0, 0, 1, 1, 0},
     {"IMU clock 1 s ahead in a recording", jumps_in_a_recording, USUAL + 2, 0, NOT_RUN, 0, 0, 0, 1, 0, 0},
     {"one stamp far ahead", one_stamp_far_ahead, USUAL, 0, TRACKS_AGAIN, 0, 50, 0, 1, 0, 0},
-    {"IMU clock drifts by 100 ppm", drifts, END, 0, NOT_RUN, 0, 0, 0, 0, 0, 0},
+    {"IMU clock drifts by 200 ppm", drifts, END, 0, NOT_RUN, 0, 0, 0, 0, 0, 0},
     {"doubled samples", doubled, USUAL, 0, TRACKS_AGAIN, 0, -1, 0, 0, 0, 0},
     {"swapped pairs", pairs_swapped, USUAL, 0, NOT_RUN, 0, -1, 0, 0, 0, 0},
     {"stragglers", stragglers, USUAL, 0, NOT_RUN, 0, -1, 0, 0, 0, 0},
@@ -389,11 +392,11 @@ typedef struct {
 
 static const uint16_t *pixels_of(const arriving_frame *f) {
     static uint16_t depth[SYNTHETIC_PIXELS];
-    if (f->look == SEEN) return rendered[f->source].depth;
+    if (f->look == SEEN) return frame_of(f->source)->depth;
     for (int i = 0; i < SYNTHETIC_PIXELS; i++) {
         int x = i % SYNTHETIC_WIDTH - 80, y = i / SYNTHETIC_WIDTH - 60;
         bool patch = f->look == PATCH && x >= 0 && x < 16 && y >= 0 && y < 16;
-        depth[i] = f->look == SATURATED ? 65535 : patch ? rendered[f->source].depth[i] : 0;
+        depth[i] = f->look == SATURATED ? 65535 : patch ? frame_of(f->source)->depth[i] : 0;
     }
     return depth;
 }
@@ -434,14 +437,14 @@ static double position_sigma(const fathom_result *r) {
 static outcome run(const rig *r, double until) {
     static sight before;
     outcome o = {.counters = FATHOM_STRUCT(fathom_counters)};
-    fathom_config config = synthetic_config(&rendered[r->frames[0].source]);
+    fathom_config config = synthetic_config(frame_of(r->frames[0].source));
     config.voxel_m = 0.03f;
     synthetic_context c = synthetic_start(&config);
     fathom_result last = {.struct_size = sizeof last, .timestamp_ns = INT64_MIN};
     before.view = FATHOM_STRUCT(fathom_view);
     for (int i = 0, next = 0; i < r->frame_count && r->frames[i].t < until; i++) {
         const arriving_frame *f = &r->frames[i];
-        const synthetic_frame *truth = &rendered[f->source];
+        const synthetic_frame *truth = frame_of(f->source);
         for (; next < r->sample_count && r->samples[next].t <= f->t; next++)
             fathom_push_imu(c.scan, &r->samples[next].sample);
         if (f->t >= FAULT && before.view.camera.width == 0 && i > 0) {
@@ -524,26 +527,36 @@ static bool as_expected(const fault *f, bool lens_covered, const outcome *o) {
     return good;
 }
 
-static void each_fault_is_survived(void **state) {
-    (void)state;
-    int failed = 0;
-    for (size_t i = 0; i < sizeof faults / sizeof *faults; i++)
-        for (int lens_covered = 0; lens_covered < (faults[i].covered == NOT_RUN ? 1 : 2); lens_covered++) {
-            faulty = whole;
-            faults[i].inject(&faulty);
-            if (lens_covered) look_like(&faulty, COVER, COVER + COVERED_S, BLANK);
-            outcome o = run(&faulty, faults[i].until);
-            bool good = as_expected(&faults[i], lens_covered, &o);
-            report(faults[i].name, lens_covered, &o);
-            if (!good) print_message("  this isn't what must come of it\n");
-            failed += !good;
-        }
-    assert_int_equal(failed, 0);
+/* A case: a fault, perhaps with a covered lens. */
+typedef struct {
+    const fault *fault;
+    bool lens_covered;
+    char title[80];
+} job;
+
+static void is_survived(void **state) {
+    const job *j = *state;
+    faulty = whole;
+    j->fault->inject(&faulty);
+    if (j->lens_covered) look_like(&faulty, COVER, COVER + COVERED_S, BLANK);
+    outcome o = run(&faulty, j->fault->until);
+    bool good = as_expected(j->fault, j->lens_covered, &o);
+    if (!good) report(j->fault->name, j->lens_covered, &o);
+    assert_true(good);
 }
 
+#define FAULTS (sizeof faults / sizeof *faults)
+
 int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(each_fault_is_survived),
-    };
-    return cmocka_run_group_tests(tests, render_all, release_all);
+    static job jobs[2 * FAULTS];
+    static struct CMUnitTest tests[2 * FAULTS];
+    size_t count = 0;
+    for (size_t i = 0; i < FAULTS; i++)
+        for (int lens_covered = 0; lens_covered < (faults[i].covered == NOT_RUN ? 1 : 2); lens_covered++) {
+            job *j = &jobs[count];
+            *j = (job){&faults[i], lens_covered, ""};
+            snprintf(j->title, sizeof j->title, "%s%s", j->fault->name, lens_covered ? ", lens covered" : "");
+            tests[count++] = (struct CMUnitTest){j->title, is_survived, NULL, NULL, j};
+        }
+    return _cmocka_run_group_tests("faults", tests, count, walk, release_all);
 }

@@ -166,7 +166,7 @@ static void what_a_wall_leaves_free_is_held_by_the_prior_and_not_by_the_start(vo
     synthetic_stop(&s);
 }
 
-/* A seed that is sure of a wrong place: first by seeded_iterations, then by all. */
+/* A seed that is sure of a wrong place: first by max_seeded_iterations, then by all. */
 static void a_failed_attempt_costs_too(void **state) {
     (void)state;
     fathom_config c = without_imu();
