@@ -299,7 +299,8 @@ typedef enum {
     FATHOM_VERDICT_CONDITION = 5,
     FATHOM_VERDICT_INNOVATION = 6,
     FATHOM_VERDICT_CONTRADICTION = 7,
-    FATHOM_VERDICT_UNCERTAIN = 8
+    FATHOM_VERDICT_UNCERTAIN = 8,
+    FATHOM_VERDICT_DEVICE = 9
 } fathom_verdict;
 FATHOM_API const char *fathom_verdict_name(int32_t verdict);
 typedef struct {
@@ -327,11 +328,11 @@ typedef struct {
     bool seeded;
     bool fused;
     bool pool_full;
+    bool by_velocity;
     int32_t blocks;
     int32_t blocks_dropped, blocks_restored;
     int32_t gyro_health, accel_health;
     float ms_maps, ms_align, ms_fuse, ms_raycast;
-    int32_t unused;
     float ms_total;
     int64_t later[4];
 } fathom_result;

@@ -286,7 +286,8 @@ typedef enum {
     FATHOM_VERDICT_CONDITION = 5,
     FATHOM_VERDICT_INNOVATION = 6,
     FATHOM_VERDICT_CONTRADICTION = 7,
-    FATHOM_VERDICT_UNCERTAIN = 8
+    FATHOM_VERDICT_UNCERTAIN = 8,
+    FATHOM_VERDICT_DEVICE = 9
 } fathom_verdict;
 FATHOM_API const char *fathom_verdict_name(int32_t verdict);
 typedef struct {
@@ -314,11 +315,11 @@ typedef struct {
     bool seeded;
     bool fused;
     bool pool_full;
+    bool by_velocity;
     int32_t blocks;
     int32_t blocks_dropped, blocks_restored;
     int32_t gyro_health, accel_health;
     float ms_maps, ms_align, ms_fuse, ms_raycast;
-    int32_t unused;
 } fathom_result;
 FATHOM_API int fathom_step(fathom *context, const fathom_depth_frame *frame, fathom_result *result);
 #define FATHOM_RECENT 60
