@@ -104,12 +104,12 @@ $(BUILD)/kernels.o: $(BUILD)/kernels.c
 
 $(LIB_SO): $(LIB_OBJ)
 	$(call say,LD)
-	$(Q)$(CXX) -shared -Wl,-soname,libfathom.so.$(VERSION_MAJOR) -Wl,--no-undefined -o $@ $^ $(ALL_LDFLAGS) $(LIB_LIBS)
+	$(Q)$(CXX) -shared -Wl,-soname,libfathom.so.$(VERSION_MAJOR).$(VERSION_MINOR) -Wl,--no-undefined -o $@ $^ $(ALL_LDFLAGS) $(LIB_LIBS)
 
 $(BUILD)/libfathom.so: $(LIB_SO)
 	$(call say,LN)
-	$(Q)ln -sf libfathom.so.$(VERSION) $(BUILD)/libfathom.so.$(VERSION_MAJOR)
-	$(Q)ln -sf libfathom.so.$(VERSION_MAJOR) $@
+	$(Q)ln -sf libfathom.so.$(VERSION) $(BUILD)/libfathom.so.$(VERSION_MAJOR).$(VERSION_MINOR)
+	$(Q)ln -sf libfathom.so.$(VERSION_MAJOR).$(VERSION_MINOR) $@
 
 # The drivers' own: it needs nothing of libfathom.so.
 $(DRIVERS_SO): $(DRIVERS_OBJ)
@@ -206,8 +206,8 @@ settings: all
 install: all
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include $(DESTDIR)$(PREFIX)/bin
 	install -m 755 $(LIB_SO) $(DESTDIR)$(PREFIX)/lib/
-	ln -sf libfathom.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/libfathom.so.$(VERSION_MAJOR)
-	ln -sf libfathom.so.$(VERSION_MAJOR) $(DESTDIR)$(PREFIX)/lib/libfathom.so
+	ln -sf libfathom.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/libfathom.so.$(VERSION_MAJOR).$(VERSION_MINOR)
+	ln -sf libfathom.so.$(VERSION_MAJOR).$(VERSION_MINOR) $(DESTDIR)$(PREFIX)/lib/libfathom.so
 	install -m 755 $(DRIVERS_SO) $(DESTDIR)$(PREFIX)/lib/
 	ln -sf libfathom-drivers.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.so.$(VERSION_MAJOR).$(VERSION_MINOR)
 	ln -sf libfathom-drivers.so.$(VERSION_MAJOR).$(VERSION_MINOR) $(DESTDIR)$(PREFIX)/lib/libfathom-drivers.so

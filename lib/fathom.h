@@ -621,14 +621,14 @@ typedef struct {
     bool seeded;               /* the seed was good enough for max_seeded_iterations */
     bool fused;                /* the frame went into the surface */
     bool pool_full;            /* some of the surface had no room left in the pool (tracking goes on) */
+    bool by_velocity;          /* while the IMU isn't known to be right: the frame was aligned from where the last velocity
+                                  leads, and prior_* and innovation_sigmas count from there */
     int32_t blocks;            /* blocks in use */
     int32_t blocks_dropped, blocks_restored; /* by when_full, in this step */
     int32_t gyro_health, accel_health; /* fathom_imu_health of the inertial sensor so far */
     float ms_maps, ms_align, ms_fuse, ms_raycast; /* wall time of the stages; with fuse_behind, ms_fuse is the step's own part,
                                   and ms_maps may hold the rest of the frame before */
     float ms_total;
-    bool by_velocity;          /* while the IMU isn't known to be right: the frame was aligned from where the last velocity
-                                  leads, and prior_* and innovation_sigmas count from there */
 } fathom_result;
 
 /* One turn of the paper's loop (Figure 2): maps of the depth frame, seed from the inertial estimate, alignment, verdict,

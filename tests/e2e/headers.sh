@@ -49,7 +49,7 @@ all_declared() { # every function that the header declares is exported, and no o
     sed -n 's/^FATHOM_API.*[ *]\(fathom_[a-z_0-9]*\)(.*/\1/p' lib/fathom.h | sort >"$work/declared"
     [ "$(wc -l <"$work/declared")" -ge 15 ] && diff "$work/declared" "$work/exported"
 }
-soname() { readelf -d "$so" | grep -q 'SONAME.*\[libfathom\.so\.0\]'; }
+soname() { readelf -d "$so" | grep -q 'SONAME.*\[libfathom\.so\.0\.2\]'; }
 if command -v nm >/dev/null; then
     check "exports nothing but fathom_*" only_ours
     check "exports what the header declares" all_declared
@@ -58,9 +58,9 @@ else
     skip "exports what the header declares" "nm is missing"
 fi
 if command -v readelf >/dev/null; then
-    check "soname is libfathom.so.0" soname
+    check "soname is libfathom.so.0.2" soname
 else
-    skip "soname is libfathom.so.0" "readelf is missing"
+    skip "soname is libfathom.so.0.2" "readelf is missing"
 fi
 
 # ---- the package, installed somewhere and used from outside
@@ -90,7 +90,7 @@ END
 cp "$work/outside.c" "$work/outside.cpp"
 cd "$work" || exit 1 # nothing of the source tree is in reach
 shared() { $1 -o "$work/shared" "$2" $(pkg-config --cflags --libs fathom) && LD_LIBRARY_PATH=$usr/lib "$work/shared"; }
-needed() { readelf -d "$work/shared" | grep 'NEEDED.*\[libfathom\.so\.0\]'; }
+needed() { readelf -d "$work/shared" | grep 'NEEDED.*\[libfathom\.so\.0\.2\]'; }
 # the system's own libraries (OpenCL) aren't in the sysroot
 static() {
     $cc -o "$work/static" outside.c $(pkg-config --cflags fathom) "$usr/lib/libfathom.a" -lOpenCL -lstdc++ -lpthread -lm &&
@@ -108,7 +108,7 @@ drivers() {
 }
 version() { [ "$(pkg-config --modversion fathom)" = "$("$work/shared" 2>/dev/null | cut -d' ' -f1)" ]; }
 check "a C program outside, by pkg-config" shared "$cc" outside.c
-if command -v readelf >/dev/null; then check "it needs libfathom.so.0" needed; else skip "it needs libfathom.so.0" "no readelf"; fi
+if command -v readelf >/dev/null; then check "it needs libfathom.so.0.2" needed; else skip "it needs libfathom.so.0.2" "no readelf"; fi
 LD_LIBRARY_PATH=$usr/lib
 export LD_LIBRARY_PATH
 check "pkg-config has the library's version" version
