@@ -13,6 +13,10 @@
 #define EAGER 15
 #define RARE 30
 
+#define MAX_ROUNDS 4      /* more, from a proposed place: where the weight of far pairs is small, alignment creeps */
+#define STAYS_M 0.002     /* a round that moves the pose by less has settled it */
+#define STAYS_RAD 0.002
+
 void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, raycaster *r,
                   inertial *n) {
     memset(t, 0, sizeof *t);
@@ -92,6 +96,11 @@ static void align_scan(tracker *t, const pose *start, const align_prior *prior, 
     t->cost.ms_align += now_ms() - cast;
 }
 
+static bool stays(const pose *before, const pose *after) {
+    pose way = pose_between(before, after);
+    return pose_distance(&way) < STAYS_M && pose_angle(&way) < STAYS_RAD;
+}
+
 void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool seeded, attempt *a) {
     const fathom_config *c = t->config;
     a->seeded = seeded;
@@ -100,10 +109,14 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
         return;
     }
     align_scan(t, start, prior, seeded, &a->icp);
-    /* maps cast from a start that was far off show another part of the surface: a second round from where the first has led */
+    /* maps cast from a start that was far off show another part of the surface: another round from where the first has led;
+     * from a place that the search proposes, which is rough, until the pose stays */
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && a->icp.pairs > 0;
-    if (recast && !model_maps_hold(&t->models, &a->icp.motion, FINEST)) {
-        pose led = a->icp.motion;
+    bool proposed = start != &prior->mean;
+    pose led = *start;
+    for (int i = 0; recast && i < (proposed ? MAX_ROUNDS : 1); i++) {
+        if (proposed ? stays(&led, &a->icp.motion) : model_maps_hold(&t->models, &a->icp.motion, FINEST)) break;
+        led = a->icp.motion;
         align_scan(t, &led, prior, false, &a->icp);
     }
     double began = now_ms();
