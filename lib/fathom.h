@@ -202,9 +202,9 @@ typedef enum {
 /* "unchecked", "good", "saturated", "units", ... Never NULL; static storage. Any thread. */
 FATHOM_API const char *fathom_imu_health_name(int32_t health);
 
-/* The caller's own InertialEstimate: fills motion->motion and ->covariance, which are zeroed, for the camera's way from from_ns to to_ns (depth clock). Returns
- * FATHOM_OK, or FATHOM_ERROR_NO_DATA when it can't say (then the library's own estimate is used, as when what it gave is
- * not finite or not rigid). Called on the stepping thread from within fathom_step. */
+/* The caller's own InertialEstimate: fills motion->motion and motion->covariance, which arrive zeroed, for the camera's way
+ * from from_ns to to_ns (depth clock). Returns FATHOM_OK, or FATHOM_ERROR_NO_DATA when it can't say; then, and when what it
+ * gave isn't finite or rigid, the library's own estimate is used. Called on the stepping thread from within fathom_step. */
 typedef int (*fathom_inertial_hook)(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motion);
 
 /* ---- settings ---------------------------------------------------------------------------------------------------- */
@@ -452,7 +452,8 @@ typedef struct {
     double min, max;       /* the range, both ends allowed; 0, 0 for a text */
     char default_text[64]; /* as fathom_config_set takes it */
     char range_text[64];   /* "0.001..1", "model|previous", "text" */
-    bool zero;             /* 0 is allowed outside that range, too */
+    int32_t zero;          /* 1: the value 0 is allowed outside that range, too */
+    int32_t unused;
 } fathom_setting;
 
 /* Setting number index, from 0 on, in the order of the manual. FATHOM_ERROR_NO_DATA beyond the last. Any thread. */

@@ -228,7 +228,8 @@ typedef struct {
     double min, max;
     char default_text[64];
     char range_text[64];
-    bool zero;
+    int32_t zero;
+    int32_t unused;
     int64_t later[4];
 } fathom_setting;
 FATHOM_API int fathom_get_setting(int32_t index, fathom_setting *setting);

@@ -223,6 +223,7 @@ typedef struct {
     double min, max;
     char default_text[64];
     char range_text[64];
+    int32_t zero;
 } fathom_setting;
 FATHOM_API int fathom_get_setting(int32_t index, fathom_setting *setting);
 FATHOM_API int fathom_config_set(fathom_config *config, const char *name, const char *value);

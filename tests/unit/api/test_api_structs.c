@@ -430,6 +430,7 @@ static void growing_structs_end_without_padding(void **state) {
     ENDS_WITH(fathom_rig, clock_sigma_ns);
     ENDS_WITH(fathom_counters, blocks_refused);
     ENDS_WITH(fathom_view, far_m);
+    ENDS_WITH(fathom_setting, unused);
 }
 
 int main(void) {
