@@ -35,7 +35,7 @@ awk '
     }
     /^[0-9a-f]+ <.*>:$/ { at = $1; sub(/^0+/, "", at); name[at] = substr($2, 2, length($2) - 3); start[name[at]] = at; frame[at] = 8; next }
     $2 ~ /^push/ { frame[at] += 8 }
-    $2 ~ /^sub/ && $3 ~ /^\$0x[0-9a-f]+,%rsp$/ { split($3, p, /[x,]/); n = hex(p[2]); frame[at] += n }
+    $2 ~ /^sub/ && $3 ~ /^\$0x[0-9a-f]+,%rsp$/ { split($3, p, /[x,]/); if (length(p[2]) < 9) frame[at] += hex(p[2]) } # longer: less than zero
     $2 ~ /^add/ && $3 ~ /^\$0xf+80,%rsp$/ { frame[at] += 128 }
     $2 ~ /^and/ && $3 ~ /,%rsp$/ { frame[at] += 64 } # alignment
     $2 ~ /^(call|jmp|j[a-z]+)/ && $4 ~ /^<[^+]*>$/ {
