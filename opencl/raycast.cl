@@ -120,12 +120,11 @@ typedef struct {
     float3 ray; /* of the pixel, in camera axes, with z = 1 */
 } voxel_ray;
 
-inline voxel_ray pixel_ray(kernel_surface f, kernel_camera c, kernel_rigid pose, int x, int y) {
-    voxel_ray r;
-    r.ray = (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f);
-    r.step = rotate_vector(pose, r.ray) / f.voxel;
-    r.origin = (float3)(pose.x.w, pose.y.w, pose.z.w) / f.voxel;
-    return r;
+/* Through a pointer: returned by value it makes Clang write what Oclgrind 21.10 doesn't know (noalias scopes). */
+inline void pixel_ray(kernel_surface f, kernel_camera c, kernel_rigid pose, int x, int y, voxel_ray *r) {
+    r->ray = (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f);
+    r->step = rotate_vector(pose, r->ray) / f.voxel;
+    r->origin = (float3)(pose.x.w, pose.y.w, pose.z.w) / f.voxel;
 }
 
 /* A hit: normal in camera axes and depth; zero when the surface is seen from behind. */
@@ -201,7 +200,9 @@ kernel void raycast(global const short *voxels, global const int4 *table, kernel
                     kernel_rigid pose, global const int *ranges, global uint2 *model) {
     int x = get_global_id(0), y = get_global_id(1);
     int tile = y / TILE * ((c.width + TILE - 1) / TILE) + x / TILE;
-    float4 point = march(voxels, table, f, pose, pixel_ray(f, c, pose, x, y), as_float(ranges[2 * tile]),
+    voxel_ray ray;
+    pixel_ray(f, c, pose, x, y, &ray);
+    float4 point = march(voxels, table, f, pose, ray, as_float(ranges[2 * tile]),
                          as_float(ranges[2 * tile + 1]));
     model[y * c.width + x] = pack_point(point.xyz, point.w);
 }
@@ -292,7 +293,9 @@ kernel void raycast_near(global const short *voxels, global const int4 *table, k
     VSTORE(ends, done);
     for (int l = 0; l < count; l++) {
         if (done[l]) continue;
-        float4 point = march(voxels, table, f, pose, pixel_ray(f, c, pose, x0 + l, y), fmax(start[l] - reach, 0.05f),
+        voxel_ray ray;
+        pixel_ray(f, c, pose, x0 + l, y, &ray);
+        float4 point = march(voxels, table, f, pose, ray, fmax(start[l] - reach, 0.05f),
                              start[l] + reach);
         points[l] = pack_point(point.xyz, point.w);
     }
