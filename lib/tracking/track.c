@@ -120,7 +120,7 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
         align_scan(t, &led, prior, false, &a->icp);
     }
     double began = now_ms();
-    judge(c, &t->view, t->device, t->maps, t->raycaster, prior, t->valid, a);
+    judge(c, &t->view, t->device, t->maps, t->raycaster, start, prior, t->valid, a);
     t->cost.ms_raycast += now_ms() - began;
 }
 

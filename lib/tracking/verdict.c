@@ -72,10 +72,14 @@ bool evident(const fathom_config *c, double valid, const attempt *a) {
 }
 
 void judge(const fathom_config *c, model_view *view, device *d, depth_maps *maps, raycaster *r,
-           const align_prior *prior, double valid, attempt *a) {
+           const pose *start, const align_prior *prior, double valid, attempt *a) {
+    align_prior about = *prior;
+    attempt from_start = *a;
+    about.mean = *start;
+    measure_innovation(c, &about, &from_start);
     measure_innovation(c, prior, a);
     a->agreement = a->see_through = NAN;
-    a->verdict = judge_alignment(c, &a->icp, a->innovation);
+    a->verdict = judge_alignment(c, &a->icp, fmin(a->innovation, from_start.innovation));
     if (a->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident(c, valid, a)) {
         comparison k;
         model_view_compare(view, d, maps, r, &a->icp.motion, c->agreement_tolerance_m + c->voxel_m, &k);

@@ -42,9 +42,10 @@ void measure_innovation(const fathom_config *config, const align_prior *prior, a
 /* From a good seed, with nearly all of the frame in pairs, and close to the seed: the predicted view can't say otherwise. */
 bool evident(const fathom_config *config, double valid, const attempt *a);
 
-/* All of it. Ray-casts the predicted view where that has a word in it; waits for the device then. */
+/* All of it. What is reported counts from the prior; the gate passes a result that lies as near to where a proposed place was
+ * started from, for dead reckoning can be surer than it is right (docs/DESIGN.md, Search). Ray-casts the predicted view where that has a word in it; waits for the device then. */
 void judge(const fathom_config *config, model_view *view, device *d, depth_maps *maps, raycaster *r,
-           const align_prior *prior, double valid, attempt *a);
+           const pose *start, const align_prior *prior, double valid, attempt *a);
 
 /* Another try may find more: it isn't depth that is wanting, nor does geometry leave open what inertia doesn't know. */
 bool worth_another_try(fathom_verdict verdict);
