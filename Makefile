@@ -272,6 +272,7 @@ CLI_PARTS   = $(filter-out $(BUILD)/examples/fathom/main.c.o,$(CLI_OBJ))
 INSIDE      = $(CLI_PARTS) $(DRIVERS_OBJ) $(LIB_OBJ)
 
 $(BUILD)/tests/test_heap: $(BUILD)/tests/bench/heap_count.c.o
+$(BUILD)/tests/test_heap: | $(BUILD)/libfathom.so
 
 # OpenCL calls that a test makes fail.
 SHIM = clCreateContext clCreateCommandQueue clCreateProgramWithSource clBuildProgram clCreateKernel clCreateBuffer clSetKernelArg \

@@ -230,25 +230,52 @@ typedef enum {
 typedef enum {
     FATHOM_FULL_STOP = 0, /* the surface stops growing; tracking goes on, and nothing that was fused is lost */
     FATHOM_FULL_DROP = 1  /* the blocks least recently seen make room (a sixteenth of the pool at a time, none that is
-                             in view); block_out gets each first, block_in may give it back */
+                             in view); the block store keeps them, and gives them back when they are in view again */
 } fathom_full;
 
-/* 8x8x8 voxels of the surface. Voxel (x, y, z) of it, at [64 * z + 8 * y + x], stands at (8 * index + (x, y, z)) * voxel_m
- * in the world. The arrays are the library's, valid during the call. */
+/* ---- blocks of the surface ---------------------------------------------------------------------------------------- */
+
+/* Names a block of 8x8x8 voxels: its place in the grid of blocks, and the submap that it belongs to. Voxel (i, j, k) of it
+ * stands at (8 * x + i, 8 * y + j, 8 * z + k) * voxel_m in the submap's frame. */
 typedef struct {
-    int32_t index[3];    /* the block's place in the grid of blocks; x, y, z */
-    float voxel_m;       /* edge of a voxel */
-    float truncation_m;  /* a distance of 32767 */
-    int16_t *distances;  /* 512 signed distances, positive in front of the surface; -32768: never seen */
-    uint16_t *weights;   /* 512; 64 for one observation at 1 m; 0 where never seen */
+    int32_t x, y, z; /* -2^27..2^27 */
+    int32_t submap;  /* 0: the only one today, in the world's frame */
+} fathom_block_key;
+
+#define FATHOM_BLOCK_VOXELS 512
+
+/* A block (Niessner et al. 2013) with its truncated signed distances (Curless and Levoy 1996). Voxel (i, j, k) is element
+ * 64 * k + 8 * j + i of the arrays, which are the library's and valid during the call. */
+typedef struct {
+    uint32_t struct_size; /* the library's */
+    float voxel_m;        /* edge of a voxel */
+    float truncation_m;   /* a distance of 32767 */
+    uint32_t unused;
+    fathom_block_key key;
+    int16_t *distances;   /* FATHOM_BLOCK_VOXELS signed distances, positive in front of the surface; -32768: never seen */
+    uint16_t *weights;    /* FATHOM_BLOCK_VOXELS; 64 for one observation at 1 m; 0 where never seen */
 } fathom_block;
 
-/* Gets a block that is about to be dropped (read it), or one that is new (block_in: fill in distances and weights and
- * return 1 if the block was dropped earlier; return 0 and leave it as it is if not). Called on the stepping thread from
- * within fathom_step, block_in also from within fathom_extract_whole_mesh. What it returns means nothing for block_out.
- * A caller keeps the last copy of each index, also when it has given it back: a block that is dropped again comes through
- * block_out again. After fathom_reset, what was kept is of another world. */
-typedef int (*fathom_block_hook)(void *user, const fathom_block *block);
+/* Where blocks are kept outside of the pool: what FATHOM_FULL_DROP drops goes there, and returns when the camera does. The
+ * caller supplies the calls; a NULL one is left out (without put, dropped blocks are gone; without get, they never return;
+ * without enumerate, the mesh is that of the pool). They run on the stepping thread, within the library's call, and must not
+ * call the context. The store keeps one copy per key, the last that was put, also after it has given it back. It keeps the
+ * blocks of one scan: fathom_reset begins another world, so that the caller empties the store. */
+typedef struct {
+    uint32_t struct_size;
+    uint32_t unused;
+    void *user; /* handed to each call; must outlive the context */
+    /* Keeps a copy of the block. Within fathom_step. Returns 0, or a negative number when it can't: the block is gone, and
+     * counted as lost. */
+    int (*put)(void *user, const fathom_block *block);
+    /* Fills in distances and weights of the block that the key names (they arrive as never seen). Within fathom_step, and
+     * within calls that make the whole mesh. Returns 1, 0 when nothing was put under that key, or a negative number when it
+     * can't be read: the block counts as lost. */
+    int (*get)(void *user, const fathom_block *block);
+    /* Writes the key at a position of the store's list, 0 being the first. A key keeps its position; new ones are added at
+     * the end. Within calls that make the whole mesh. Returns 1, or 0 beyond the end. */
+    int (*enumerate)(void *user, int64_t position, fathom_block_key *key);
+} fathom_block_store;
 
 #define FATHOM_LEVELS 3 /* of the alignment pyramid: index 0 is the coarsest (a quarter), 2 the finest */
 
@@ -334,9 +361,8 @@ typedef struct {
     float truncation_m; /* the signed distance is kept within this. 0..10 m; default 0: four voxels */
     int32_t max_blocks; /* blocks of 8x8x8 voxels, 2 KB each. 64..16777216; default 0: what max_memory_bytes leaves */
     int32_t when_full;  /* fathom_full: what happens when no block is left. Default FATHOM_FULL_STOP */
-    /* with FATHOM_FULL_DROP; NULL: dropped blocks are gone. Must outlive the context */
-    fathom_block_hook block_out, block_in;
-    void *block_user;
+    const fathom_block_store *block_store; /* with FATHOM_FULL_DROP. NULL: dropped blocks are gone. The struct is copied by
+                           fathom_init; what its user leads to must outlive the context */
     float max_weight; /* observations, at 1 m, that a voxel averages; older ones fade. 1..1000; default 100 */
     /* fathom_step returns as soon as the pose is known, and the frame goes into the surface while the next one is on
      * its way: the same poses, sooner. Calls that read the surface wait. A device that fails meanwhile is reported
@@ -688,6 +714,7 @@ typedef struct {
     int64_t frames_ignored; /* depth frames refused for their stamp or size */
     int64_t blocks_dropped, blocks_restored; /* by when_full */
     int64_t blocks_refused; /* blocks that found the pool full */
+    int64_t blocks_lost;    /* blocks that the block store couldn't keep or read back */
 } fathom_counters;
 
 /* The counters so far. Stepping thread. */
@@ -720,21 +747,56 @@ typedef struct {
  * are bit-equal. Valid during the call. Returns 0 to go on; anything else stops (FATHOM_ERROR_STOPPED). */
 typedef int (*fathom_triangles)(void *user, const fathom_vertex *vertices, size_t triangle_count);
 
-/* Streams the surface's triangles (marching cubes, Lorensen and Cline 1987) to the callback in batches, in bounded memory,
- * in the order in which the blocks were made. Voxels seen with a summed weight below min_weight are left out (0: all).
- * Returns the number of triangles, or an error. Stepping thread. */
+/* Streams the surface's triangles (marching cubes, Lorensen and Cline 1987) to the callback in batches, in bounded memory:
+ * those of the block store's blocks in the order of its list, then those of the pool's in the order in which they were made.
+ * A stored block that is in the pool again comes with the pool's. There are no seams between the two, and neither the pool
+ * nor the store is changed, so that the scan may go on; stored blocks are read into a patch of 512 blocks (1 MB, which
+ * FATHOM_FULL_DROP takes from max_memory_bytes), each up to 20 times, fewest when the list goes along the surface. Voxels
+ * with a summed weight below min_weight, in observations at 1 m, are left out (0: all that were seen count). Returns the
+ * number of triangles, or an error. Stepping thread. */
 FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom_triangles triangles, void *user);
 
-/* The same with what was dropped (when_full): triangles of `dropped` and of the pool, without seams. dropped: the indices
- * of the blocks that block_out got, three int32 each, count blocks, each once; the caller's, read during the call only.
- * Listed blocks come first, in that order, then the pool's. A listed block that is in the pool again is taken from there;
- * any other is asked for by block_in, as are neighbours, up to 20 times in all (least when the list goes along the
- * surface), and left out where that returns 0. The pool and what the caller keeps stay as they are, so the scan may go on.
- * Works in a pool of 512 blocks of its own, in bounded memory (with FATHOM_FULL_DROP it takes 1 MB of max_memory_bytes).
- * FATHOM_ERROR_ARGUMENT for an index beyond +-2^27, or for count > 0 without FATHOM_FULL_DROP and block_in. Stepping
- * thread. Returns the number of triangles, or an error. */
-FATHOM_API int64_t fathom_extract_whole_mesh(fathom *context, float min_weight, const int32_t *dropped, size_t count,
-                                             fathom_triangles triangles, void *user);
+#define FATHOM_BLOCK_TRIANGLES 2560 /* maximum of a block */
+
+typedef enum {
+    FATHOM_MESH_WHOLE = 0, /* the block store's blocks and the pool's, as fathom_extract_mesh */
+    FATHOM_MESH_POOL = 1   /* the pool's only */
+} fathom_mesh_part;
+
+/* The same mesh in pieces, and where it stands. Zeroed fields begin; a pull that has come to its end may be used again. */
+typedef struct {
+    uint32_t struct_size;
+    int32_t capacity;           /* triangles that vertices has room for; at least FATHOM_BLOCK_TRIANGLES */
+    fathom_vertex *vertices;    /* the caller's: three per triangle */
+    int64_t next_stored, next_made; /* the library's: where the next piece begins */
+    float min_weight;           /* as in fathom_extract_mesh */
+    int32_t part;               /* fathom_mesh_part */
+} fathom_mesh_pull;
+
+/* Writes the triangles of the next blocks, as many as fit. Returns their number; 0 at the end; or an error, after which the
+ * pull begins anew. As long as no step comes between, the pieces are those of fathom_extract_mesh. Steps are allowed: the
+ * pull then goes on along the surface as it is by then, with seams where it has changed, and blocks that moved between pool
+ * and store meanwhile may be missing or come twice. Stepping thread. */
+FATHOM_API int64_t fathom_pull_mesh(fathom *context, fathom_mesh_pull *pull);
+
+/* Blocks of the pool in pieces, and where that stands: all of them, or those that have changed, to save a map or to show it
+ * while it grows. Zeroed fields begin. */
+typedef struct {
+    uint32_t struct_size;
+    int32_t capacity;       /* blocks that the arrays have room for; at least 1 */
+    int64_t since;          /* blocks that may have changed after that generation of the surface only; 0: all. At the end it
+                               becomes the generation in which the pull began: the next pull brings what has changed since */
+    int64_t generation;     /* the library's: the generation in which the pull began; rises with each frame that is fused */
+    int64_t next;           /* the library's: where the next piece begins */
+    fathom_block_key *keys; /* the caller's: one per block */
+    int16_t *distances;     /* the caller's: FATHOM_BLOCK_VOXELS per block, as in fathom_block; NULL: not wanted */
+    uint16_t *weights;      /* the same */
+} fathom_block_pull;
+
+/* Writes the next blocks, in the order in which they were made, as many as fit. Returns their number; 0 at the end; or an
+ * error. Steps may come between pieces: a block that changes meanwhile comes as it is by then, and again with the next pull;
+ * one that is dropped doesn't come (the block store has it). After fathom_reset all blocks are new. Stepping thread. */
+FATHOM_API int32_t fathom_pull_blocks(fathom *context, fathom_block_pull *pull);
 
 /* ---- self-test --------------------------------------------------------------------------------------------------- */
 

@@ -10,7 +10,8 @@ here=$(cd "$(dirname "$0")" && pwd)
 
 # ---- one program: sh tests/run.sh BUILD --one NAME KIND COMMAND...
 
-# The machine's own OpenCL platforms, for tests that ask for all of them; others use PoCL alone where it is installed.
+# The machine's own OpenCL platforms, for the kernel checks; all else uses PoCL alone where it is installed, and so does what runs
+# under the sanitizers: another vendor's runtime leaks as it goes, from modules that are unloaded when leaks are looked for.
 machine() { if [ "${MACHINE_ICD_VENDORS-}" ]; then OCL_ICD_VENDORS=$MACHINE_ICD_VENDORS "$@"; else env -u OCL_ICD_VENDORS "$@"; fi; }
 
 # Runs it again when the leak checker itself crashed, as it does when a runtime's thread ends under it.
@@ -81,7 +82,7 @@ list() {
         [ "$name" != test_kernels ] || all=machine
         if [ -x "$build/tests/$name" ]; then
             echo "$name $all $build/tests/$name"
-            echo "$name-sanitized san $all $build/sanitize/tests/$name"
+            echo "$name-sanitized san $build/sanitize/tests/$name"
         else
             echo "$name: not in this build" >&2
         fi

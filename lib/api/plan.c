@@ -45,6 +45,10 @@ int plan_make(fathom *f, const fathom_config *given, fathom_memory_plan *plan) {
     const fathom_config *config = &f->config;
     int e = config_take(given, &f->config, &f->error);
     if (e == FATHOM_OK) e = config_check(config);
+    if (e == FATHOM_OK && !store_init(&f->store, config))
+        e = error_text_fail(&f->error, FATHOM_ERROR_CONFIG, FATHOM_LOG_ERROR,
+                            "block_store's struct_size isn't set, or it has calls of a later version: "
+                            "FATHOM_STRUCT(fathom_block_store)");
     if (e == FATHOM_OK) e = depth_maps_camera(config, &camera);
     if (e == FATHOM_OK) e = device_choose(&f->device, config);
     if (e != FATHOM_OK) return e;

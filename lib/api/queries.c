@@ -53,9 +53,10 @@ int fathom_get_counters(fathom *f, fathom_counters *counters) {
     fathom_counters whole = FATHOM_STRUCT(fathom_counters);
     inertial_count(&f->inertial, &whole);
     whole.frames_ignored = f->frames_ignored;
-    whole.blocks_dropped = f->store.dropped;
+    whole.blocks_dropped = f->store.put;
     whole.blocks_restored = f->store.restored;
     whole.blocks_refused = f->integrator.refused;
+    whole.blocks_lost = f->store.lost;
     sized_out(counters, size, &whole, sizeof whole);
     return FATHOM_OK;
 }

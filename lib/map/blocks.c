@@ -10,7 +10,8 @@ static size_t table_entries(int blocks) {
 }
 
 size_t volume_block_cost(void) {
-    return BLOCK_BYTES + sizeof(cl_int4) + sizeof(cl_int) + TABLE_BYTES(4); /* voxels, key, seen, entries */
+    /* voxels, key, seen, birth, entries */
+    return BLOCK_BYTES + sizeof(cl_int4) + sizeof(cl_int) + sizeof(int64_t) + TABLE_BYTES(4);
 }
 
 void volume_init(volume *v, device *d, arena *a, const fathom_config *c, int blocks) {
@@ -25,6 +26,7 @@ void volume_init(volume *v, device *d, arena *a, const fathom_config *c, int blo
     device_buffer_make(d, a, TABLE_BYTES(entries), &v->table.entries);
     device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int4), &v->pool.keys);
     device_buffer_make(d, a, (size_t)blocks * sizeof(cl_int), &v->pool.seen);
+    v->pool.births = arena_take(a, (size_t)blocks * sizeof *v->pool.births);
     if (d->context && d->error == FATHOM_OK) volume_clear(v, d);
 }
 
@@ -78,7 +80,20 @@ int volume_add(volume *v, volume_view *view, const cl_int4 *key, int seen) {
     view->places[h] = place;
     view->keys[place] = *key;
     view->seen[place] = seen;
+    v->pool.births[place] = v->pool.born++;
     return place;
+}
+
+int volume_born_since(const volume *v, int64_t birth) {
+    int low = 0, high = v->pool.count;
+    while (low < high) {
+        const int middle = low + (high - low) / 2;
+        if (v->pool.births[middle] < birth)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
 }
 
 void volume_rehash(volume *v, volume_view *view) {
@@ -91,14 +106,16 @@ void volume_rehash(volume *v, volume_view *view) {
 }
 
 fathom_block volume_block(const volume *v, const cl_int4 *key, cl_short *voxels) {
-    fathom_block block = {.voxel_m = v->surface.voxel, .truncation_m = v->surface.truncation};
-    for (int k = 0; k < 3; k++) block.index[k] = key->s[k];
+    fathom_block block = FATHOM_STRUCT(fathom_block);
+    block.key = (fathom_block_key){key->x, key->y, key->z, key->w};
+    block.voxel_m = v->surface.voxel;
+    block.truncation_m = v->surface.truncation;
     block.distances = voxels + DISTANCES_OF(0);
     block.weights = (uint16_t *)voxels + WEIGHTS_OF(0);
     return block;
 }
 
-void volume_make_new(cl_short *voxels) {
-    for (int i = 0; i < BLOCK_VOXELS; i++) voxels[DISTANCES_OF(0) + (size_t)i] = NEVER_SEEN;
-    memset(voxels + WEIGHTS_OF(0), 0, BLOCK_VOXELS * sizeof *voxels);
+void volume_make_new(const fathom_block *block) {
+    for (int i = 0; i < BLOCK_VOXELS; i++) block->distances[i] = NEVER_SEEN;
+    memset(block->weights, 0, BLOCK_VOXELS * sizeof *block->weights);
 }

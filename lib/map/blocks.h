@@ -13,6 +13,8 @@ typedef struct {
     device_buffer voxels; /* BLOCK_BYTES a place */
     device_buffer keys;   /* an int4 a place: x, y, z, submap */
     device_buffer seen;   /* an int a place: the last frame that had the block in view */
+    int64_t *births;      /* a number a place, rising: outlives the places being closed up */
+    int64_t born;         /* blocks that were ever made */
 } block_pool;
 
 typedef struct {
@@ -64,10 +66,13 @@ int volume_add(volume *v, volume_view *view, const cl_int4 *key, int seen);
 /* Fills the table from the keys of the places in use. */
 void volume_rehash(volume *v, volume_view *view);
 
+/* The first place whose block was made as number `birth` or later. */
+int volume_born_since(const volume *v, int64_t birth);
+
 /* A block as callers see it, its voxels at `voxels`. */
 fathom_block volume_block(const volume *v, const cl_int4 *key, cl_short *voxels);
 
 /* Makes a block's voxels new: nothing seen. */
-void volume_make_new(cl_short *voxels);
+void volume_make_new(const fathom_block *block);
 
 #endif

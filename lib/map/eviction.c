@@ -43,6 +43,7 @@ int eviction_make_room(volume *v, device *d, integrator *g, caller_store *s, int
                 memcpy(view.voxels + (size_t)kept * BLOCK_SHORTS, voxels, BLOCK_BYTES);
                 view.keys[kept] = view.keys[i];
                 view.seen[kept] = view.seen[i];
+                v->pool.births[kept] = v->pool.births[i];
             }
             kept++;
         }
@@ -57,7 +58,7 @@ int eviction_make_room(volume *v, device *d, integrator *g, caller_store *s, int
 int eviction_restore(volume *v, device *d, caller_store *s, int first) {
     volume_view view;
     int restored = 0;
-    if (!s->config->block_in || first == v->pool.count) return 0;
+    if (!s->calls.get || first == v->pool.count) return 0;
     bool mapped = volume_map(v, d, CL_MAP_READ | CL_MAP_WRITE, true, &view);
     for (int i = first; mapped && i < v->pool.count; i++) {
         fathom_block b = volume_block(v, &view.keys[i], view.voxels + (size_t)i * BLOCK_SHORTS);

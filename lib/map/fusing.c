@@ -22,7 +22,7 @@ void fuse(fusing *f, const pose *at, fathom_result *r) {
     caller_store *s = f->store;
     double start = now_ms();
     bool calm = fusing_is_calm(f, at);
-    int64_t dropped = s->dropped, restored = s->restored;
+    int64_t dropped = s->put, restored = s->restored;
     f->last = *at;
     int wanted = integrator_request(g, f->device, v, f->maps, at, calm);
     if (wanted > 0) {
@@ -41,7 +41,7 @@ void fuse(fusing *f, const pose *at, fathom_result *r) {
         device_wait(f->device);
     r->fused = true;
     r->pool_full = g->full;
-    r->blocks_dropped = (int)(s->dropped - dropped);
+    r->blocks_dropped = (int)(s->put - dropped);
     r->blocks_restored = (int)(s->restored - restored);
     r->ms_fuse = (float)(now_ms() - start);
 }

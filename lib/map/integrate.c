@@ -30,8 +30,13 @@ void integrator_close(integrator *g) {
 }
 
 void integrator_clear(integrator *g) {
+    g->before += g->frames;
     g->settled = g->settling = g->frames = 0;
     g->full = false;
+}
+
+int64_t integrator_generation(const integrator *g) {
+    return g->before + g->frames;
 }
 
 int integrator_request(integrator *g, device *d, volume *v, depth_maps *maps, const pose *camera_to_world,
@@ -76,7 +81,7 @@ int integrator_allocate(integrator *g, device *d, volume *v) {
                 g->refused++;
                 continue;
             }
-            volume_add(v, &view, key, g->frames);
+            volume_add(v, &view, key, g->frames + 1);
         }
     volume_unmap(v, d, &view);
     device_unmap(d, &g->requests, requests);

@@ -7,7 +7,8 @@
 
 typedef struct {
     float max_weight;
-    int frames;      /* fused */
+    int frames;      /* fused since the last clearing */
+    int64_t before;  /* and until then */
     int settled;     /* the first so many blocks have been fused into for SETTLING frames or more */
     int settling;    /* the next to be so */
     int64_t refused; /* blocks that found the pool full */
@@ -27,6 +28,9 @@ void integrator_close(integrator *g);
 
 /* Forgets the frames so far. */
 void integrator_clear(integrator *g);
+
+/* The number of frames that were ever fused: what a block's stamp in `seen` counts from is `before`. */
+int64_t integrator_generation(const integrator *g);
 
 /* Finds out which blocks the frame's surface needs and lacks; returns how many at most (neighbouring tiles may ask for the
  * same). calm: the camera has hardly moved since the frame before, and half of the frame will do, the other half with the

@@ -26,6 +26,20 @@ void mesher_close(mesher *m) {
 
 /* ---- triangles ---------------------------------------------------------------------------------------------------------- */
 
+static bool count(mesh_walk *w, mesher *m, device *d) {
+    volume *v = w->volume;
+    const int blocks = w->end - w->next < MESH_BATCH ? w->end - w->next : MESH_BATCH;
+    cl_int from = w->next;
+    RUN(d, m->count, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory), ARG(w->surface),
+        ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->counts.memory));
+    cl_int *mapped = device_map(d, &m->counts, CL_MAP_READ);
+    if (mapped) memcpy(w->counts, mapped, (size_t)blocks * sizeof *mapped);
+    device_unmap(d, &m->counts, mapped);
+    w->from = w->next;
+    w->counted = blocks;
+    return mapped;
+}
+
 /* Emits blocks first..first+blocks-1, which make `triangles` in all, and hands them over. */
 static int emit(mesher *m, device *d, volume *v, const kernel_surface *f, int first, int blocks,
                 const cl_int *counts, int triangles, fathom_triangles callback, void *user) {
@@ -44,38 +58,32 @@ static int emit(mesher *m, device *d, volume *v, const kernel_surface *f, int fi
     fathom_vertex *vertices = device_map(d, &m->vertices, CL_MAP_READ);
     int stop = vertices && d->error == FATHOM_OK ? callback(user, vertices, (size_t)triangles) : 0;
     device_unmap(d, &m->vertices, vertices);
-    return d->error != FATHOM_OK ? d->error : stop ? FATHOM_ERROR_STOPPED : FATHOM_OK;
+    return d->error != FATHOM_OK ? d->error : stop ? FATHOM_ERROR_STOPPED : triangles;
 }
 
-int64_t mesh_extract(mesher *m, device *d, volume *v, float min_weight, fathom_triangles callback,
-                        void *user) {
-    kernel_surface f = v->surface;
-    f.min_weight = min_weight > 0 ? min_weight * WEIGHT_ONE - 0.5f : 0;
-    int64_t total = 0;
-    for (int start = 0; start < v->pool.count; start += MESH_BATCH) {
-        int blocks = v->pool.count - start < MESH_BATCH ? v->pool.count - start : MESH_BATCH;
-        cl_int from = start, counts[MESH_BATCH];
-        RUN(d, m->count, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory), ARG(f),
-            ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->counts.memory));
-        cl_int *mapped = device_map(d, &m->counts, CL_MAP_READ);
-        if (!mapped) return d->error;
-        memcpy(counts, mapped, (size_t)blocks * sizeof *counts);
-        device_unmap(d, &m->counts, mapped);
-        int first = 0, sum = 0;
-        for (int i = 0; i <= blocks; i++) {
-            if (i == blocks || sum + counts[i] > MESH_TRIANGLES) {
-                int e = sum > 0
-                            ? emit(m, d, v, &f, start + first, i - first, counts + first, sum, callback, user)
-                            : 0;
-                if (e != FATHOM_OK) return e;
-                total += sum;
-                first = i;
-                sum = 0;
-            }
-            if (i < blocks) sum += counts[i];
-        }
+void mesh_walk_start(mesh_walk *w, volume *v, float min_weight, int next) {
+    w->volume = v;
+    w->surface = v->surface;
+    w->surface.min_weight = min_weight > 0 ? min_weight * WEIGHT_ONE - 0.5f : 0;
+    w->next = w->from = next;
+    w->end = v->pool.count;
+    w->counted = 0;
+}
+
+int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles, void *user) {
+    if (capacity > MESH_TRIANGLES) capacity = MESH_TRIANGLES;
+    while (w->next < w->end) {
+        if (w->next == w->from + w->counted && !count(w, m, d)) return d->error;
+        const int first = w->next - w->from;
+        int i = first, sum = 0;
+        while (i < w->counted && sum + w->counts[i] <= capacity) sum += w->counts[i++];
+        w->next = w->from + i;
+        if (sum > 0)
+            return emit(m, d, w->volume, &w->surface, w->from + first, i - first, w->counts + first, sum, triangles,
+                        user);
+        if (i < w->counted) break;
     }
-    return d->error != FATHOM_OK ? d->error : total;
+    return d->error;
 }
 
 static int ignore(void *user, const fathom_vertex *vertices, size_t triangle_count) {
@@ -85,6 +93,8 @@ static int ignore(void *user, const fathom_vertex *vertices, size_t triangle_cou
 
 void mesh_warm_up(mesher *m, device *d, volume *v) {
     const cl_int none = 0;
-    mesh_extract(m, d, v, 0, ignore, NULL);
+    mesh_walk w;
+    mesh_walk_start(&w, v, 0, 0);
+    mesh_walk_next(&w, m, d, MESH_TRIANGLES, ignore, NULL);
     emit(m, d, v, &v->surface, 0, 1, &none, 0, ignore, NULL);
 }

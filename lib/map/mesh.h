@@ -5,7 +5,7 @@
 #include "map/blocks.h"
 
 #define MESH_BATCH 256       /* blocks whose triangles are counted together */
-#define MESH_TRIANGLES 16384 /* triangles in a batch to the callback */
+#define MESH_TRIANGLES 16384 /* maximum that is made together */
 
 typedef struct {
     device_buffer cases; /* marching cubes' table */
@@ -17,7 +17,21 @@ typedef struct {
 void mesher_init(mesher *m, device *d, arena *a);
 void mesher_close(mesher *m);
 
-int64_t mesh_extract(mesher *m, device *d, volume *v, float min_weight, fathom_triangles triangles, void *user);
+/* A way along the blocks of a volume, some whole ones at a time. */
+typedef struct {
+    volume *volume;
+    kernel_surface surface;
+    int next, end;     /* places */
+    int from, counted; /* places whose triangles have been counted */
+    cl_int counts[MESH_BATCH];
+} mesh_walk;
+
+/* From a place on. min_weight: as in fathom_extract_mesh. */
+void mesh_walk_start(mesh_walk *w, volume *v, float min_weight, int next);
+
+/* Hands over the triangles of the next blocks, at most `capacity` of them. Returns their number; 0 at the end, or when the
+ * next block has more (w->next tells); or an error. */
+int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles, void *user);
 
 /* Runs both kernels on the first block. */
 void mesh_warm_up(mesher *m, device *d, volume *v);

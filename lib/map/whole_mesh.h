@@ -1,4 +1,4 @@
-/* The mesh of blocks in and out of the pool. Those that were dropped come back from the store, some at a time with their
+/* The mesh of blocks in and out of the pool. Those that the store keeps come back from it, some at a time with their
  * neighbours, into a small volume of its own: the surface that is tracked against stays as it is. */
 #ifndef FATHOM_WHOLE_MESH_H
 #define FATHOM_WHOLE_MESH_H
@@ -6,13 +6,26 @@
 #include "map/mesh.h"
 #include "map/store.h"
 
-/* Makes that volume where blocks may be dropped. */
+typedef struct {
+    mesher *mesher;
+    device *device;
+    volume *pool, *patch;
+    caller_store *store; /* NULL: the pool's blocks only */
+    float min_weight;
+} whole_mesh;
+
+/* Where a pull stands: the next position in the store's list, the next birth in the pool. Zeros begin. */
+typedef struct {
+    int64_t stored, born;
+} mesh_place;
+
+/* Makes the patch where blocks may be dropped. */
 void whole_mesh_init(volume *patch, device *d, arena *a, const fathom_config *config);
 void whole_mesh_close(volume *patch);
 
-/* Triangles of the dropped blocks (three indices each, count of them), then of the pool's; dropped ones that are in the pool
- * are taken from there, ones that the store hasn't got are left out. Returns the number of triangles, or an error. */
-int64_t whole_mesh_extract(volume *patch, volume *pool, mesher *m, device *d, caller_store *s, const int32_t *dropped,
-                           size_t count, float min_weight, fathom_triangles triangles, void *user);
+/* Hands over the triangles of whole blocks from a place on, at most `capacity` (a block has CASE_TRIANGLES * BLOCK_VOXELS
+ * at most): first the store's blocks that aren't in the pool, then the pool's. Moves the place on. Returns the number of
+ * triangles (0: the end), or an error: FATHOM_ERROR_ARGUMENT where the store names a block beyond what can be counted. */
+int64_t whole_mesh_pull(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles, void *user);
 
 #endif

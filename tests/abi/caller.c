@@ -13,7 +13,7 @@
 #define POISON 0xa5
 
 static uint16_t depth[WIDTH * HEIGHT];
-static int failed;
+static int failed, put_calls;
 
 #define CHECK(good)                                                                                          \
     do {                                                                                                     \
@@ -43,6 +43,12 @@ static int failed;
 #define CHECK_REST(g) (void)0
 #endif
 
+/* The library's block may be shorter than this header's, or longer. */
+static int put(void *user, const fathom_block *block) {
+    put_calls += *(int *)user == 7 && block->struct_size >= 40 && block->key.submap == 0 && block->voxel_m > 0;
+    return 0;
+}
+
 int main(void) {
     GUARDED(fathom_config) c;
     memset(&c, POISON, sizeof c);
@@ -60,6 +66,13 @@ int main(void) {
     c.s.voxel_m = 0.04f;
     c.s.max_memory_bytes = 32 << 20;
     c.s.imu = false;
+    int user = 7;
+    GUARDED(fathom_block_store) store;
+    PREPARE(store);
+    store.s.user = &user;
+    store.s.put = put;
+    c.s.when_full = FATHOM_FULL_DROP;
+    c.s.block_store = &store.s;
 
     char why[256];
     GUARDED(fathom_memory_plan) plan;
@@ -104,6 +117,7 @@ int main(void) {
     frame.s.timestamp_ns++;
     frame.s.later[0] = 1;
     CHECK(fathom_step(scan, &frame.s, &result.s) == FATHOM_ERROR_ARGUMENT && *fathom_last_error(scan));
+    frame.s.later[0] = 0;
 #endif
     /* only the size of the first counts: they lie side by side */
     fathom_result *results = malloc(3 * sizeof *results + GUARD);
@@ -136,6 +150,43 @@ int main(void) {
     CHECK_REST(counters);
     CHECK_REST(rig);
     CHECK_REST(motion);
+    GUARDED(fathom_mesh_pull) mesh;
+    GUARDED(fathom_block_pull) blocks;
+    PREPARE(mesh);
+    PREPARE(blocks);
+    mesh.s.capacity = FATHOM_BLOCK_TRIANGLES;
+    mesh.s.vertices = malloc(3 * FATHOM_BLOCK_TRIANGLES * sizeof *mesh.s.vertices);
+    blocks.s.capacity = 16;
+    blocks.s.keys = malloc(16 * sizeof *blocks.s.keys);
+    int64_t triangles = 0, count, pieces = 0;
+    while ((count = fathom_pull_mesh(scan, &mesh.s)) > 0) {
+        CHECK_GUARD(mesh);
+        CHECK_REST(mesh);
+        triangles += count;
+        pieces++;
+    }
+    CHECK(count == 0 && pieces > 1 && triangles > 1000);
+    for (pieces = 0; (count = fathom_pull_blocks(scan, &blocks.s)) > 0; pieces++) {
+        CHECK_GUARD(blocks);
+        CHECK_REST(blocks);
+    }
+    CHECK(count == 0 && pieces > 1 && blocks.s.since == blocks.s.generation && blocks.s.since > 0);
+    free(mesh.s.vertices);
+    free(blocks.s.keys);
+    CHECK_GUARD(store);
+    fathom_close(scan);
+    free(block);
+    /* a pool that is too small for a turn to another surface hands blocks over */
+    c.s.max_blocks = 64;
+    CHECK(fathom_plan_memory(&c.s, &plan.s, why, sizeof why) == FATHOM_OK);
+    block = malloc((size_t)plan.s.host_bytes);
+    CHECK(fathom_init(&scan, &c.s, block, (size_t)plan.s.host_bytes, why, sizeof why) == FATHOM_OK);
+    if (!scan) return 1;
+    for (int i = 1; i <= 6; i++) {
+        frame.s.timestamp_ns = i * 33333333;
+        CHECK(fathom_step(scan, &frame.s, &result.s) == FATHOM_OK);
+    }
+    CHECK(fathom_get_counters(scan, &counters.s) == FATHOM_OK && counters.s.blocks_dropped == put_calls);
     fathom_close(scan);
     free(block);
     return failed > 0;

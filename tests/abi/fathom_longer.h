@@ -122,13 +122,29 @@ typedef enum {
     FATHOM_FULL_DROP = 1
 } fathom_full;
 typedef struct {
-    int32_t index[3];
+    int32_t x, y, z;
+    int32_t submap;
+} fathom_block_key;
+#define FATHOM_BLOCK_VOXELS 512
+typedef struct {
+    uint32_t struct_size;
     float voxel_m;
     float truncation_m;
+    uint32_t unused;
+    fathom_block_key key;
     int16_t *distances;
     uint16_t *weights;
+    int64_t later[4];
 } fathom_block;
-typedef int (*fathom_block_hook)(void *user, const fathom_block *block);
+typedef struct {
+    uint32_t struct_size;
+    uint32_t unused;
+    void *user;
+    int (*put)(void *user, const fathom_block *block);
+    int (*get)(void *user, const fathom_block *block);
+    int (*enumerate)(void *user, int64_t position, fathom_block_key *key);
+    int64_t later[4];
+} fathom_block_store;
 #define FATHOM_LEVELS 3
 typedef struct {
     uint32_t struct_size;
@@ -163,8 +179,7 @@ typedef struct {
     float truncation_m;
     int32_t max_blocks;
     int32_t when_full;
-    fathom_block_hook block_out, block_in;
-    void *block_user;
+    const fathom_block_store *block_store;
     float max_weight;
     bool fuse_behind;
     int64_t max_memory_bytes;
@@ -366,6 +381,7 @@ typedef struct {
     int64_t frames_ignored;
     int64_t blocks_dropped, blocks_restored;
     int64_t blocks_refused;
+    int64_t blocks_lost;
     int64_t later[4];
 } fathom_counters;
 FATHOM_API int fathom_get_counters(fathom *context, fathom_counters *counters);
@@ -384,8 +400,33 @@ typedef struct {
 } fathom_vertex;
 typedef int (*fathom_triangles)(void *user, const fathom_vertex *vertices, size_t triangle_count);
 FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom_triangles triangles, void *user);
-FATHOM_API int64_t fathom_extract_whole_mesh(fathom *context, float min_weight, const int32_t *dropped, size_t count,
-                                             fathom_triangles triangles, void *user);
+#define FATHOM_BLOCK_TRIANGLES 2560
+typedef enum {
+    FATHOM_MESH_WHOLE = 0,
+    FATHOM_MESH_POOL = 1
+} fathom_mesh_part;
+typedef struct {
+    uint32_t struct_size;
+    int32_t capacity;
+    fathom_vertex *vertices;
+    int64_t next_stored, next_made;
+    float min_weight;
+    int32_t part;
+    int64_t later[4];
+} fathom_mesh_pull;
+FATHOM_API int64_t fathom_pull_mesh(fathom *context, fathom_mesh_pull *pull);
+typedef struct {
+    uint32_t struct_size;
+    int32_t capacity;
+    int64_t since;
+    int64_t generation;
+    int64_t next;
+    fathom_block_key *keys;
+    int16_t *distances;
+    uint16_t *weights;
+    int64_t later[4];
+} fathom_block_pull;
+FATHOM_API int32_t fathom_pull_blocks(fathom *context, fathom_block_pull *pull);
 typedef enum {
     FATHOM_CHECK_PASSED = 0,
     FATHOM_CHECK_FAILED = 1,

@@ -8,8 +8,7 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
-#define VOXELS 512
-#define PART (VOXELS * sizeof(int16_t)) /* distances, and as much again of weights */
+#define PART (FATHOM_BLOCK_VOXELS * sizeof(int16_t)) /* distances, and as much again of weights */
 #define BLOCK (2 * PART)
 
 /* The scan goes on: what is lost is a piece of the surface, and only the first one is told. */
@@ -23,67 +22,71 @@ static void lose(struct block_store *store, const char *what, const char *why) {
 /* ---- places -------------------------------------------------------------------------------------------- */
 
 /* The entry of the block, or the free one where it belongs. */
-static uint32_t *entry_of(const struct block_store *store, const int32_t index[3]) {
+static uint32_t *entry_of(const struct block_store *store, const fathom_block_key *key) {
     const size_t mask = 2 * store->capacity - 1;
+    const int32_t words[4] = {key->x, key->y, key->z, key->submap};
     uint32_t hash = 2166136261u;
-    for (int k = 0; k < 3; k++) {
-        hash = (hash ^ (uint32_t)index[k]) * 0x9E3779B1u;
+    for (int k = 0; k < 4; k++) {
+        hash = (hash ^ (uint32_t)words[k]) * 0x9E3779B1u;
         hash ^= hash >> 15;
     }
     size_t at = hash & mask;
-    while (store->table[at] &&
-           memcmp(store->indices + 3 * (size_t)(store->table[at] - 1), index, 3 * sizeof *index) != 0)
-        at = (at + 1) & mask;
+    while (store->table[at] && memcmp(&store->keys[store->table[at] - 1], key, sizeof *key) != 0) at = (at + 1) & mask;
     return &store->table[at];
 }
 
 static bool grow(struct block_store *store) {
     const size_t capacity = store->capacity ? 2 * store->capacity : 1024;
-    int32_t *indices = realloc(store->indices, 3 * capacity * sizeof *indices);
-    if (!indices) return false;
-    store->indices = indices;
+    fathom_block_key *keys = realloc(store->keys, capacity * sizeof *keys);
+    if (!keys) return false;
+    store->keys = keys;
     uint32_t *table = calloc(2 * capacity, sizeof *table);
     if (!table) return false;
     free(store->table);
     store->table = table;
     store->capacity = capacity;
-    for (size_t i = 0; i < store->count; i++) *entry_of(store, indices + 3 * i) = (uint32_t)i + 1;
+    for (size_t i = 0; i < store->count; i++) *entry_of(store, &keys[i]) = (uint32_t)i + 1;
     return true;
 }
 
-/* ---- the library's hooks ------------------------------------------------------------------------------- */
+/* ---- the library's calls -------------------------------------------------------------------------------- */
 
-static int keep(void *user, const fathom_block *block) {
+static int put(void *user, const fathom_block *block) {
     struct block_store *store = user;
     if (store->count == store->capacity && !grow(store)) {
         lose(store, "kept", strerror(ENOMEM));
-        return 0;
+        return -1;
     }
-    uint32_t *entry = entry_of(store, block->index);
+    uint32_t *entry = entry_of(store, &block->key);
     const size_t place = *entry ? *entry - 1 : store->count;
     const struct iovec parts[2] = {{block->distances, PART}, {block->weights, PART}};
     const ssize_t written = pwritev(store->fd, parts, 2, (off_t)(place * BLOCK));
     if (written != (ssize_t)BLOCK) {
         lose(store, "kept", written < 0 ? strerror(errno) : "no room for more");
-        return 0;
+        return -1;
     }
     if (*entry) return 0;
-    memcpy(store->indices + 3 * place, block->index, sizeof block->index);
+    store->keys[place] = block->key;
     *entry = (uint32_t)++store->count;
     return 0;
 }
 
-static int give_back(void *user, const fathom_block *block) {
+static int get(void *user, const fathom_block *block) {
     struct block_store *store = user;
-    const uint32_t place = store->count ? *entry_of(store, block->index) : 0;
+    const uint32_t place = store->count ? *entry_of(store, &block->key) : 0;
     if (!place) return 0;
     const struct iovec parts[2] = {{block->distances, PART}, {block->weights, PART}};
     const ssize_t got = preadv(store->fd, parts, 2, (off_t)((place - 1) * BLOCK));
     if (got == (ssize_t)BLOCK) return 1;
     lose(store, "read back", got < 0 ? strerror(errno) : "the file has become shorter");
-    for (int i = 0; i < VOXELS; i++) block->distances[i] = INT16_MIN;
-    memset(block->weights, 0, PART);
-    return 0;
+    return -1;
+}
+
+static int enumerate(void *user, int64_t position, fathom_block_key *key) {
+    const struct block_store *store = user;
+    if (position < 0 || (size_t)position >= store->count) return 0;
+    *key = store->keys[position];
+    return 1;
 }
 
 /* ---- life ---------------------------------------------------------------------------------------------- */
@@ -110,9 +113,12 @@ bool block_store_open(struct block_store *store, const char *beside, fathom_conf
         block_store_close(store);
         return false;
     }
-    config->block_out = keep;
-    config->block_in = give_back;
-    config->block_user = store;
+    store->calls = FATHOM_STRUCT(fathom_block_store);
+    store->calls.user = store;
+    store->calls.put = put;
+    store->calls.get = get;
+    store->calls.enumerate = enumerate;
+    config->block_store = &store->calls;
     return true;
 }
 
@@ -133,7 +139,7 @@ void block_store_close(struct block_store *store) {
     if (!store->path) return;
     if (store->fd >= 0) close(store->fd);
     free(store->path);
-    free(store->indices);
+    free(store->keys);
     free(store->table);
     *store = (struct block_store){.fd = -1};
 }

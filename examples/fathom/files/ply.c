@@ -190,13 +190,11 @@ void ply_discard(struct ply *ply) {
     ply->window = NULL;
 }
 
-bool ply_write_surface(fathom *scan, const struct block_store *dropped, const char *path,
-                       struct cli_log *log) {
+bool ply_write_surface(fathom *scan, const char *path, struct cli_log *log) {
     struct ply ply;
     if (!ply_open(&ply, path)) return false;
     log_clear(log);
-    const int64_t triangles =
-        fathom_extract_whole_mesh(scan, 0, dropped->indices, dropped->count, ply_triangles, &ply);
+    const int64_t triangles = fathom_extract_mesh(scan, 0, ply_triangles, &ply);
     if (triangles < 0 && !ply.failed) cli_error(CLI_FAILED, "%s: %s", path, log_reason(log, (int)triangles));
     if (triangles == 0) cli_warning("%s: there is no surface, the mesh is empty", path);
     if (triangles < 0) {

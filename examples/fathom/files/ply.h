@@ -9,7 +9,6 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "fathom/files/block_store.h"
 #include "fathom.h"
 #include "fathom/shell/log.h"
 
@@ -37,7 +36,7 @@ void ply_discard(struct ply *ply);
 /* A fathom_triangles; user is the struct ply. Returns nonzero when writing failed, and says so. */
 int ply_triangles(void *user, const fathom_vertex *vertices, size_t triangle_count);
 
-/* The whole surface of a context, with what was dropped, as such a file; log is the context's. */
-bool ply_write_surface(fathom *scan, const struct block_store *dropped, const char *path, struct cli_log *log);
+/* The surface of a context as such a file; log is the context's. */
+bool ply_write_surface(fathom *scan, const char *path, struct cli_log *log);
 
 #endif

@@ -23,7 +23,7 @@ static fathom_config fresh(void) {
 /* ---- the table ----------------------------------------------------------------------------------------------------- */
 
 /* What has no value that a text could give. */
-static const char *const without_row[] = {"struct_size", "block_out",  "block_in", "block_user",
+static const char *const without_row[] = {"struct_size", "block_store",
                                           "inertial_hook", "inertial_user", "log",  "log_user"};
 
 static bool has_row(const char *field) {
@@ -80,7 +80,7 @@ static void rows_cover_the_struct_once(void **state) {
         size_t at, size;
     } others[] = {
 #define OTHER(field) {offsetof(fathom_config, field), sizeof ((fathom_config *)0)->field}
-        OTHER(struct_size), OTHER(block_out), OTHER(block_in), OTHER(block_user), OTHER(inertial_hook),
+        OTHER(struct_size), OTHER(block_store), OTHER(inertial_hook),
         OTHER(inertial_user), OTHER(log), OTHER(log_user), OTHER(depth_camera.unused)};
     memset(owner, 0, sizeof owner);
     for (int i = 0; i < settings_count; i++)

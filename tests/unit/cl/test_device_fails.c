@@ -284,8 +284,9 @@ static bool start(void) {
     first_step(&r);
     synthetic_stop(&context);
     c.max_blocks = r.blocks + r.blocks / 8;
+    const fathom_block_store store = {.struct_size = sizeof store, .put = keep_none};
     c.when_full = FATHOM_FULL_DROP;
-    c.block_out = keep_none;
+    c.block_store = &store;
     context = synthetic_start(&c);
     nothing_before();
     for (dropping_frame = 0; dropping_frame < FRAMES; dropping_frame++)

@@ -21,16 +21,17 @@ static synthetic_frame frames[FRAMES];
 /* What a logger would keep: dropped blocks, the last of each place. */
 typedef struct {
     struct kept {
-        int32_t index[3];
+        fathom_block_key key;
         int16_t distances[512];
         uint16_t weights[512];
     } *blocks;
     int count, capacity, gone, asked, given;
+    fathom_block_store calls;
 } store;
 
 static struct kept *stored(store *s, const fathom_block *b) {
     for (int i = 0; i < s->count; i++)
-        if (memcmp(s->blocks[i].index, b->index, sizeof b->index) == 0) return &s->blocks[i];
+        if (memcmp(&s->blocks[i].key, &b->key, sizeof b->key) == 0) return &s->blocks[i];
     return NULL;
 }
 
@@ -45,10 +46,10 @@ static int keep(void *user, const fathom_block *b) {
         }
         k = &s->blocks[s->count++];
     }
-    memcpy(k->index, b->index, sizeof k->index);
+    k->key = b->key;
     memcpy(k->distances, b->distances, sizeof k->distances);
     memcpy(k->weights, b->weights, sizeof k->weights);
-    assert_true(b->voxel_m == 0.04f && b->truncation_m == 0.16f);
+    assert_true(b->struct_size == sizeof *b && b->voxel_m == 0.04f && b->truncation_m == 0.16f && b->key.submap == 0);
     s->gone++;
     return 0;
 }
@@ -63,6 +64,16 @@ static int give_back(void *user, const fathom_block *b) {
     memcpy(b->weights, k->weights, sizeof k->weights);
     s->given++;
     return 1;
+}
+
+/* Lets a context drop blocks into the store; without get_too they never come back. */
+static void keep_in(store *s, fathom_config *c, bool get_too) {
+    s->calls = FATHOM_STRUCT(fathom_block_store);
+    s->calls.user = s;
+    s->calls.put = keep;
+    s->calls.get = get_too ? give_back : NULL;
+    c->when_full = FATHOM_FULL_DROP;
+    c->block_store = &s->calls;
 }
 
 static fathom_config small_pool(void) {
@@ -97,10 +108,7 @@ static void the_way_goes_on_and_back(void **state) {
     store kept = {0};
     fathom_config c = small_pool();
     fathom_counters counters = FATHOM_STRUCT(fathom_counters);
-    c.when_full = FATHOM_FULL_DROP;
-    c.block_out = keep;
-    c.block_in = give_back;
-    c.block_user = &kept;
+    keep_in(&kept, &c, true);
     synthetic_context s = synthetic_start(&c);
     int dropped = 0, restored = 0, n = 0;
     for (int i = 0; i < FRAMES; i++) {
@@ -154,9 +162,7 @@ static void a_pool_smaller_than_a_view_is_said_to_be_full(void **state) {
     store kept = {0};
     fathom_config c = small_pool();
     c.max_blocks = 64;
-    c.when_full = FATHOM_FULL_DROP;
-    c.block_out = keep;
-    c.block_user = &kept;
+    keep_in(&kept, &c, false);
     synthetic_context s = synthetic_start(&c);
     int dropped = 0;
     for (int i = 0; i < 8; i++) {
@@ -180,7 +186,8 @@ static void fuse_frame(fathom *f, int i, fathom_result *r) {
 }
 
 /* Does a point of the frame's surface lie in the block? */
-static bool holds_a_point(const int32_t index[3], const fathom_config *c, int i) {
+static bool holds_a_point(const fathom_block_key *key, const fathom_config *c, int i) {
+    const int32_t index[3] = {key->x, key->y, key->z};
     pose at;
     assert_true(pose_take(&frames[i].pose, &at));
     for (int k = 0; k < SYNTHETIC_PIXELS; k++) {
@@ -202,9 +209,7 @@ static void what_a_returning_camera_sees_stays(void **state) {
     (void)state;
     store kept = {0};
     fathom_config c = small_pool();
-    c.when_full = FATHOM_FULL_DROP;
-    c.block_out = keep;
-    c.block_user = &kept;
+    keep_in(&kept, &c, false);
     synthetic_context s = synthetic_start(&c);
     int returns = 0;
     for (int i = 0; i < FRAMES; i++) {
@@ -215,7 +220,7 @@ static void what_a_returning_camera_sees_stays(void **state) {
         fathom_result there = {0};
         fuse_frame(s.scan, back, &there);
         returns += there.blocks_dropped > 0;
-        for (int k = before; k < kept.count; k++) assert_false(holds_a_point(kept.blocks[k].index, &c, back));
+        for (int k = before; k < kept.count; k++) assert_false(holds_a_point(&kept.blocks[k].key, &c, back));
     }
     print_message("%d returns for which blocks made room\n", returns);
     assert_true(returns >= 3);
@@ -264,12 +269,12 @@ static void a_new_block_was_seen_now(void **state) {
     assert_true(volume_map(&f->volume, &f->device, CL_MAP_WRITE, false, &view));
     for (int i = 0; i < POOL; i++) view.seen[i] = -7;
     volume_unmap(&f->volume, &f->device, &view);
-    f->integrator.frames = 41;
+    f->integrator.frames = 41; /* the next is number 42 */
     depth_maps_make(&f->maps, &f->device, frames[0].depth, 2 * SYNTHETIC_WIDTH, 0);
     assert_true(integrator_request(&f->integrator, &f->device, &f->volume, &f->maps, &at, false) > 100);
     assert_int_equal(integrator_allocate(&f->integrator, &f->device, &f->volume), 0);
     assert_true(volume_map(&f->volume, &f->device, CL_MAP_READ, false, &view));
-    for (int i = 0; i < f->volume.pool.count; i++) assert_int_equal(view.seen[i], 41);
+    for (int i = 0; i < f->volume.pool.count; i++) assert_int_equal(view.seen[i], 42);
     volume_unmap(&f->volume, &f->device, &view);
     synthetic_stop(&s);
 }

@@ -82,8 +82,13 @@ static void extract(scene *s) {
     copy_in(s, &s->v.table.entries, s->filled.table, TABLE_BYTES(s->filled.entries));
     copy_in(s, &s->v.pool.voxels, s->filled.voxels, (size_t)s->v.pool.count * BLOCK_BYTES);
     s->triangles = 0;
-    int64_t count = mesh_extract(&s->m, &s->d, &s->v, 0, take, s);
-    assert_int_equal(count, s->triangles);
+    mesh_walk walk;
+    int count, all = 0;
+    mesh_walk_start(&walk, &s->v, 0, 0);
+    while ((count = mesh_walk_next(&walk, &s->m, &s->d, MESH_TRIANGLES, take, s)) > 0) all += count;
+    assert_int_equal(count, 0);
+    assert_int_equal(walk.next, s->v.pool.count);
+    assert_int_equal(all, s->triangles);
 }
 
 /* ---- its topology ------------------------------------------------------------------------------------------------- */
