@@ -5,6 +5,7 @@
 #include <stdatomic.h>
 
 #include "base/error_text.h"
+#include "frame/depth_noise.h"
 #include "inertial/inertial.h"
 #include "map/fusing.h"
 #include "map/view.h"
@@ -24,6 +25,7 @@ struct fathom {
     atomic_bool dead; /* OpenCL has failed; for the thread that pushes samples */
     device device;
     depth_maps maps;
+    depth_noise noise;
     volume volume;
     integrator integrator;
     caller_store store;

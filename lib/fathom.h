@@ -302,7 +302,7 @@ typedef struct {
     /* Depths outside are invalid. 0..100 and 0..1000 m; default 0.3 and 5. The values 0 and 65535 are always
      * invalid, and so is depth whose sigma is more than two truncations. */
     float min_depth_m, max_depth_m;
-    /* Depth error: sigma(z) = base + growth z^2. Pairs and fusion are weighted by 1/sigma^2 relative to that at 1 m.
+    /* Depth error: sigma(z) = base + slope z + growth z^2 (depth_noise_slope below). Pairs and fusion are weighted by 1/sigma^2 relative to that at 1 m.
      * 1e-6..1 m and 0..1 1/m; default 0.0001 and 0.003: a step of a Kinect 360's disparity (Khoshelham and Elberink
      * 2012, Section 3.2: 2.85 mm at 1 m). */
     float depth_noise_base_m, depth_noise_growth_per_m;
@@ -436,6 +436,15 @@ typedef struct {
 
     fathom_log log; /* default NULL: silent. Must outlive the context */
     void *log_user;
+
+    /* ---- depth camera, further settings ---- */
+
+    /* Depth error in proportion to the depth: sigma(z) = base + slope z + growth z^2. 0..1; default 0. */
+    float depth_noise_slope;
+    /* The depth error is estimated from the frames, from the first one on; the settings then only give its shape at depths that
+     * weren't seen. Default true. */
+    bool refine_depth_noise;
+    uint8_t unused[3];
 } fathom_config;
 
 /* Fills *config with the default settings and sets its struct_size: fathom_config_init(&config). Returns FATHOM_OK, or

@@ -220,7 +220,5 @@ inline float3 rotate_back(kernel_rigid m, float3 v) {
     return m.x.xyz * v.x + m.y.xyz * v.y + m.z.xyz * v.z;
 }
 
-/* Standard deviation of a depth by triangulation (Khoshelham and Elberink 2012, eq. 8): noise.x + noise.y z^2 */
-inline float depth_sigma(float2 noise, float z) {
-    return noise.x + noise.y * z * z;
-}
+/* Standard deviation of a depth, of a number or of a vector of them. */
+#define DEPTH_SIGMA(n, z) ((n).base + (n).slope * (z) + (n).growth * (z) * (z))

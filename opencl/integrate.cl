@@ -114,11 +114,11 @@ kernel void mark_seen(kernel_camera c, global const float *farthest, kernel_rigi
  * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed. Second word:
  * w, made of that n so that the plane holds the pixel's point; its last bits are the weight. Pixels without depth have an
  * infinite w. Global size: work-items that share a row, height. */
-kernel void pack_planes(global const float *depth, global const float *normals, kernel_camera c, float2 noise,
+kernel void pack_planes(global const float *depth, global const float *normals, kernel_camera c, kernel_noise noise,
                         global uint2 *planes) {
     int y = get_global_id(1);
     vfloat quarter = 0.25f, never = INFINITY, ry = ((float)y - c.cy) / c.fy;
-    float sigma_1m = depth_sigma(noise, 1.0f), ifx = 1.0f / c.fx;
+    float sigma_1m = DEPTH_SIGMA(noise, 1.0f), ifx = 1.0f / c.fx;
     for (int x = get_global_id(0) * LANES; x < c.width; x += get_global_size(0) * LANES) {
         int i = AT(c, x, y);
         vfloat d = VLOAD(depth + i);
@@ -126,7 +126,7 @@ kernel void pack_planes(global const float *depth, global const float *normals, 
         vfloat rx = (IOTA + (float)x - c.cx) * ifx, across = -1.0f / sqrt(1.0f + rx * rx + ry * ry);
         vint flat = nz != 0.0f;
         vfloat squarely = SELECT(quarter, (nx * rx + ny * ry + nz) * across, flat);
-        vfloat sigma = noise.x + noise.y * d * d;
+        vfloat sigma = DEPTH_SIGMA(noise, d);
         vfloat weight = WEIGHT_ONE * sigma_1m * sigma_1m * squarely / (sigma * sigma);
         vint normal = pack_normals(SELECT(rx * across, nx, flat), SELECT(ry * across, ny, flat), SELECT(across, nz, flat));
         vfloat w = VFLOAT(NORMAL_X(normal)) * rx + VFLOAT(NORMAL_Y(normal)) * ry + VFLOAT(NORMAL_Z(normal));

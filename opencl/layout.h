@@ -43,6 +43,12 @@ typedef struct {
     cl_float min_m, max_m;
 } kernel_depth_source;
 
+/* Standard deviation of a depth z: base + slope z + growth z^2. Triangulation makes the last (Khoshelham and Elberink 2012,
+ * eq. 8), time of flight and depth completed from sparse points the first two. */
+typedef struct {
+    cl_float base, slope, growth; /* m, 1, 1/m */
+} kernel_noise;
+
 /* A point of a model map, and the plane of a pixel that is fused, take eight bytes: a normal in 11, 11 and 10 bits from the
  * top, signed, and a float. The upper components in place count in units of NORMAL_UNIT. */
 #define NORMAL_ONE 2145386496.0f /* 1023 * 2^21 and 511.5 * 2^22 */

@@ -41,7 +41,7 @@ inline float8 source_depths(global const ushort *raw, kernel_depth_source s, int
 
 /* Metric depth, averaged over factor x factor pixels as far as they belong to the nearest surface among them.
  * Global size: work-items that share a row, height of the map; each works on eight pixels at a time. */
-kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kernel_camera c, float2 noise,
+kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kernel_camera c, kernel_noise noise,
                           global float *depth) {
     int y = get_global_id(1);
     float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
@@ -58,7 +58,7 @@ kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kerne
                 if (s.factor == 2) few[2 * j + i] = z;
                 nearest = fmin(nearest, select((float8)(INFINITY), z, z > 0.0f));
             }
-        float8 band = nearest + 4.0f * (noise.x + noise.y * nearest * nearest) + 0.005f * nearest;
+        float8 band = nearest + 4.0f * DEPTH_SIGMA(noise, nearest) + 0.005f * nearest;
         for (int j = 0; j < s.factor; j++)
             for (int i = 0; i < s.factor; i++) {
                 float8 z = s.factor == 2 ? few[2 * j + i] : source_depths(raw, s, x, y, i, j);
@@ -73,14 +73,14 @@ kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kerne
 /* Edge-preserving smoothing over 5x5 pixels: weights fall with the distance in the image (binomial) and with the
  * difference of depth in units of its noise (Tukey's biweight, which is zero beyond `reach` sigma and needs no exp).
  * Global size: work-items that share a row, height. */
-kernel void smooth_depth(global const float *depth, kernel_camera c, float2 noise, float reach, global float *smooth) {
+kernel void smooth_depth(global const float *depth, kernel_camera c, kernel_noise noise, float reach, global float *smooth) {
     int y = get_global_id(1);
     wfloat zero = 0.0f;
     const float binomial[5] = {1.0f, 4.0f, 6.0f, 4.0f, 1.0f};
     for (int x = get_global_id(0) * WIDE; x < c.width; x += get_global_size(0) * WIDE) {
         int i = AT(c, x, y);
         wfloat z = WLOAD(depth + i);
-        wfloat inverse = 1.0f / (reach * (noise.x + noise.y * z * z));
+        wfloat inverse = 1.0f / (reach * DEPTH_SIGMA(noise, z));
         wfloat sum = 0.0f, weights = 0.0f;
         for (int dy = -2; dy <= 2; dy++)
             for (int dx = -2; dx <= 2; dx++) {
@@ -99,7 +99,7 @@ kernel void smooth_depth(global const float *depth, kernel_camera c, float2 nois
 
 /* The next coarser depth: 2x2 pixels averaged as far as they belong to the nearest surface among them.
  * Global size: work-items that share a row, height of the coarser map. */
-kernel void halve_depth(global const float *fine, kernel_camera f, kernel_camera c, float2 noise,
+kernel void halve_depth(global const float *fine, kernel_camera f, kernel_camera c, kernel_noise noise,
                         global float *coarse) {
     int y = get_global_id(1);
     wfloat zero = 0.0f, one = 1.0f, never = INFINITY;
@@ -109,7 +109,7 @@ kernel void halve_depth(global const float *fine, kernel_camera f, kernel_camera
         load_pairs(fine + i, &z[0], &z[1]);
         load_pairs(fine + i + f.pitch, &z[2], &z[3]);
         for (int k = 0; k < 4; k++) nearest = fmin(nearest, SELECT(never, z[k], z[k] > 0.0f));
-        wfloat band = nearest + 4.0f * (noise.x + noise.y * nearest * nearest) + 0.01f * nearest;
+        wfloat band = nearest + 4.0f * DEPTH_SIGMA(noise, nearest) + 0.01f * nearest;
         for (int k = 0; k < 4; k++) {
             wint keep = (z[k] > 0.0f) & (z[k] <= band);
             sum += SELECT(zero, z[k], keep);
@@ -123,16 +123,16 @@ kernel void halve_depth(global const float *fine, kernel_camera f, kernel_camera
  * confidence, the weight of Section 2: the depth's inverse variance relative to that at 1 m ("distance"), lowered where
  * the surface bends from pixel to pixel ("normal variation"). Four planes: nx, ny, nz, confidence; all zero: no normal.
  * Global size: work-items that share a row, height. */
-kernel void normal_map(global const float *depth, kernel_camera c, float2 noise, global float *normals) {
+kernel void normal_map(global const float *depth, kernel_camera c, kernel_noise noise, global float *normals) {
     int y = get_global_id(1);
     wfloat zero = 0.0f, one = 1.0f, quarter = 0.25f;
-    float sigma_1m = depth_sigma(noise, 1.0f);
+    float sigma_1m = DEPTH_SIGMA(noise, 1.0f);
     for (int x = get_global_id(0) * WIDE; x < c.width; x += get_global_size(0) * WIDE) {
         int i = AT(c, x, y);
         wfloat z = WLOAD(depth + i);
         wfloat left = WLOAD(depth + i - 1), right = WLOAD(depth + i + 1);
         wfloat up = WLOAD(depth + i - c.pitch), down = WLOAD(depth + i + c.pitch);
-        wfloat sigma = noise.x + noise.y * z * z;
+        wfloat sigma = DEPTH_SIGMA(noise, z);
         /* a step to a neighbour across an edge is not a slope: allow what a surface at 75 degrees makes, and noise */
         wfloat limit = 4.0f * sigma + 4.0f * z / c.fx;
         wint l = (left > 0.0f) & (fabs(left - z) < limit), r = (right > 0.0f) & (fabs(right - z) < limit);

@@ -22,6 +22,7 @@ static void close_parts(fathom *f) {
 static void start_over(fathom *f) {
     volume_clear(&f->volume, &f->device);
     if (f->device.error != FATHOM_OK) return;
+    depth_noise_reset(&f->noise);
     integrator_clear(&f->integrator);
     inertial_drain(&f->inertial);
     inertial_reset(&f->inertial);

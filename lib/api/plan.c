@@ -15,6 +15,7 @@ static int max_tiles(const fathom *f) {
 }
 
 void plan_layout(fathom *f, arena *a, int blocks) {
+    depth_noise_init(&f->noise, &f->config);
     depth_maps_init(&f->maps, &f->device, a, &f->config);
     mesher_init(&f->mesher, &f->device, a);
     viewer_init(&f->viewer, &f->device, a, &f->maps);

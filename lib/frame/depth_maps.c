@@ -37,6 +37,20 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     return FATHOM_OK;
 }
 
+/* The depth at which sigma reaches that; INFINITY: never. */
+static float depth_of_sigma(const kernel_noise *n, float sigma) {
+    const float over = sigma - n->base;
+    if (over <= 0) return 0;
+    if (n->growth <= 0) return n->slope > 0 ? over / n->slope : INFINITY;
+    return 2 * over / (n->slope + sqrtf(n->slope * n->slope + 4 * n->growth * over));
+}
+
+void depth_maps_set_noise(depth_maps *m, const fathom_config *c, const kernel_noise *noise) {
+    const float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m);
+    m->noise = *noise;
+    m->source.max_m = fmaxf(fminf(c->max_depth_m, depth_of_sigma(noise, thick)), c->min_depth_m);
+}
+
 void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c) {
     memset(m, 0, sizeof *m);
     depth_maps_camera(c, &m->camera[FINEST]);
@@ -45,9 +59,6 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
         m->camera[i] = kernel_camera_of(f.width / 2, f.height / 2, f.fx / 2, f.fy / 2, (f.cx - 0.5f) / 2,
                                         (f.cy - 0.5f) / 2);
     }
-    /* what is noisier than the surface is thick fills the pool and says nothing */
-    float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m) - c->depth_noise_base_m;
-    float far_m = c->depth_noise_growth_per_m > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth_per_m) : c->max_depth_m;
     const fathom_pinhole *p = &c->depth_camera;
     float k[8] = {0};
     for (int i = 0; i < (p->lens == FATHOM_LENS_PINHOLE ? 0 : p->lens == FATHOM_LENS_FIVE ? 5 : 8); i++)
@@ -69,9 +80,8 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
                                       .height = p->height,
                                       .factor = p->width / m->camera[FINEST].width,
                                       .metres_per_unit = 1.0f / c->depth_units_per_metre,
-                                      .min_m = c->min_depth_m,
-                                      .max_m = fmaxf(fminf(c->max_depth_m, far_m), c->min_depth_m)};
-    m->noise = (cl_float2){{c->depth_noise_base_m, c->depth_noise_growth_per_m}};
+                                      .min_m = c->min_depth_m};
+    depth_maps_set_noise(m, c, &(kernel_noise){c->depth_noise_base_m, c->depth_noise_slope, c->depth_noise_growth_per_m});
     device_buffer_make(d, a, (size_t)p->width * (size_t)p->height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
     for (int i = 0; i < FATHOM_LEVELS; i++) {

@@ -11,7 +11,7 @@
 typedef struct {
     kernel_camera camera[FATHOM_LEVELS]; /* the ideal pinhole of each level */
     kernel_depth_source source;
-    cl_float2 noise;
+    kernel_noise noise;
     device_buffer raw;                  /* the frame as it came */
     device_buffer depth[FATHOM_LEVELS]; /* metric: what is aligned and fused */
     device_buffer smooth; /* the finest depth smoothed, for its normals only: alignment with smoothed
@@ -19,6 +19,9 @@ typedef struct {
     device_buffer normals[FATHOM_LEVELS]; /* four planes: normal and confidence */
     cl_kernel convert, smoothing, halve, normal, pack;
 } depth_maps;
+
+/* Sets the noise, and with it the range: what is noisier than the surface is thick fills the pool and says nothing. */
+void depth_maps_set_noise(depth_maps *m, const fathom_config *config, const kernel_noise *noise);
 
 /* The size and intrinsics of the finest maps for the settings. FATHOM_OK or FATHOM_ERROR_CONFIG. */
 int depth_maps_camera(const fathom_config *config, kernel_camera *camera);

@@ -9,7 +9,7 @@
 #define GUARD 256 /* bytes behind each buffer's end that must stay as they are */
 #define GUARD_BYTE 0x5a
 
-const cl_float2 bench_noise = {{0.0001f, 0.003f}};
+const kernel_noise bench_noise = {0.0001f, 0.0005f, 0.003f};
 
 /* ---- a run -------------------------------------------------------------------------------------------------- */
 
@@ -177,7 +177,7 @@ float *bench_plane(const kernel_camera *c, int planes, float value) {
     return p;
 }
 
-float *bench_depth(bench *b, const kernel_camera *c, cl_float2 noise, image_kind kind) {
+float *bench_depth(bench *b, const kernel_camera *c, kernel_noise noise, image_kind kind) {
     float *p = bench_plane(c, 1, 0);
     double base = bench_random(b, 0.6, 2.5), slant_x = bench_random(b, -1, 1),
            slant_y = bench_random(b, -1, 1);

@@ -75,7 +75,7 @@ typedef enum {
 } image_kind;
 
 /* A padded plane of depths. */
-float *bench_depth(bench *b, const kernel_camera *c, cl_float2 noise, image_kind kind);
+float *bench_depth(bench *b, const kernel_camera *c, kernel_noise noise, image_kind kind);
 /* A padded plane whose pixels are all set to value and whose margin is zero. */
 float *bench_plane(const kernel_camera *c, int planes, float value);
 /* Sizes that are no multiples of eight or of tiles, and some that are; widths whose last sixteen are filled to various parts. */
@@ -84,7 +84,7 @@ typedef struct {
 } image_size;
 int bench_sizes(const bench *b, const image_size **sizes);
 
-extern const cl_float2 bench_noise; /* the default settings' */
+extern const kernel_noise bench_noise; /* like the default settings', all three parts */
 
 /* ---- comparisons ---- */
 
@@ -124,10 +124,10 @@ void bench_volume_fill(bench_volume *v, bench_shape shape, const double low[3], 
 /* ---- each kernel against its reference (kernel_checks_maps.c, _align.c, _volume.c, _surface.c) ---- */
 
 void compare_convert_depth(bench *b, const uint16_t *raw, const kernel_depth_source *s,
-                           const kernel_camera *c, cl_float2 noise);
-void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, cl_float2 noise);
-void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, cl_float2 noise);
-void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, cl_float2 noise);
+                           const kernel_camera *c, kernel_noise noise);
+void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise);
+void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, kernel_noise noise);
+void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise);
 void compare_pack_map(bench *b, const float *depth, const float *normals, const kernel_camera *c);
 void compare_halve_map(bench *b, const float *fine, const kernel_camera *f);
 /* Pixels in doubt lose their confidence (in normals) before the comparison. */
@@ -137,9 +137,9 @@ void compare_align_reduce(bench *b, const float *depth, float *normals, const ke
 void compare_request_blocks(bench *b, const float *depth, const kernel_camera *c,
                             const kernel_rigid *camera_to_world, bench_volume *v, float block_m, cl_int turn);
 void compare_pack_planes(bench *b, const float *depth, const float *normals, const kernel_camera *c,
-                         cl_float2 noise);
+                         kernel_noise noise);
 void compare_fuse_blocks(bench *b, const float *depth, const float *normals, const kernel_camera *c,
-                         cl_float2 noise, const kernel_rigid *world_to_camera, bench_volume *v,
+                         kernel_noise noise, const kernel_rigid *world_to_camera, bench_volume *v,
                          float max_weight);
 void compare_ranges(bench *b, bench_volume *v, const kernel_camera *c, const kernel_rigid *world_to_camera,
                     float near_m, float far_m);

@@ -24,7 +24,7 @@ static kernel_camera halved(const kernel_camera *f) {
 /* ---- convert_depth --------------------------------------------------------------------------------------------- */
 
 void compare_convert_depth(bench *b, const uint16_t *raw, const kernel_depth_source *s,
-                           const kernel_camera *c, cl_float2 noise) {
+                           const kernel_camera *c, kernel_noise noise) {
     float *got = bench_plane(c, 1, UNWRITTEN), *want = bench_plane(c, 1, 0);
     uint8_t *doubt = bench_alloc(pixels(c));
     cl_mem in = bench_buffer(b, (size_t)s->width * (size_t)s->height * sizeof *raw, raw);
@@ -101,7 +101,7 @@ fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) 
 
 /* ---- smooth_depth, halve_depth ------------------------------------------------------------------------------------ */
 
-void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, cl_float2 noise) {
+void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise) {
     float *got = bench_plane(c, 1, UNWRITTEN), *want = bench_plane(c, 1, 0);
     cl_float reach = 4;
     cl_mem in = bench_buffer(b, plane_bytes(c), depth), out = bench_buffer(b, plane_bytes(c), got);
@@ -116,7 +116,7 @@ void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, 
     free(want);
 }
 
-void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, cl_float2 noise) {
+void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, kernel_noise noise) {
     kernel_camera c = halved(f);
     if (c.width == 0 || c.height == 0) return;
     float *got = bench_plane(&c, 1, UNWRITTEN), *want = bench_plane(&c, 1, 0);
@@ -134,7 +134,7 @@ void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, cl
 
 /* ---- normal_map ----------------------------------------------------------------------------------------------------- */
 
-void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, cl_float2 noise) {
+void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise) {
     float *got = bench_plane(c, 4, UNWRITTEN), *want = bench_plane(c, 4, 0);
     uint8_t *doubt = bench_alloc(pixels(c));
     cl_mem in = bench_buffer(b, plane_bytes(c), depth), out = bench_buffer(b, 4 * plane_bytes(c), got);

@@ -178,7 +178,7 @@ fathom_check check_clear_ranges(device *d, bool small, char *why, size_t size) {
 #define TIE_SLACK 6e-4
 
 void compare_pack_planes(bench *b, const float *depth, const float *normals, const kernel_camera *c,
-                         cl_float2 noise) {
+                         kernel_noise noise) {
     size_t bytes = (size_t)c->width * (size_t)c->height * sizeof(cl_uint2);
     cl_uint2 *got = bench_alloc(bytes);
     memset(got, 0xff, bytes);
@@ -250,7 +250,7 @@ static void compare_seen(bench *b, const int *seen, const uint8_t *outcomes, int
 }
 
 void compare_fuse_blocks(bench *b, const float *depth, const float *normals, const kernel_camera *c,
-                         cl_float2 noise, const kernel_rigid *world_to_camera, bench_volume *v,
+                         kernel_noise noise, const kernel_rigid *world_to_camera, bench_volume *v,
                          float max_weight) {
     size_t bytes = (size_t)v->count * BLOCK_BYTES, seen_bytes = (size_t)v->count * sizeof(cl_int),
            plane_bytes = (size_t)c->width * (size_t)c->height * sizeof(cl_uint2);

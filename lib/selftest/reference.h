@@ -23,7 +23,7 @@ int ref_at(const kernel_camera *c, int x, int y);
 void ref_transform(const kernel_rigid *m, const double p[3], double out[3]);
 void ref_rotate(const kernel_rigid *m, const double v[3], double out[3]);
 /* Standard deviation of a depth (Khoshelham and Elberink 2012, eq. 8). */
-double ref_sigma(cl_float2 noise, double z);
+double ref_sigma(kernel_noise noise, double z);
 
 /* ---- opencl/maps.cl (reference_maps.c): writes the pixels, never the margin ---- */
 
@@ -36,12 +36,12 @@ void ref_pack_model(const float *model, int count, cl_uint2 *packed);
 void ref_unpack_model(const cl_uint2 *packed, int count, float *model);
 
 void ref_convert_depth(const uint16_t *raw, const kernel_depth_source *s, const kernel_camera *c,
-                       cl_float2 noise, float *depth, uint8_t *doubt);
-void ref_smooth_depth(const float *depth, const kernel_camera *c, cl_float2 noise, double reach,
+                       kernel_noise noise, float *depth, uint8_t *doubt);
+void ref_smooth_depth(const float *depth, const kernel_camera *c, kernel_noise noise, double reach,
                       float *smooth);
-void ref_halve_depth(const float *fine, const kernel_camera *f, const kernel_camera *c, cl_float2 noise,
+void ref_halve_depth(const float *fine, const kernel_camera *f, const kernel_camera *c, kernel_noise noise,
                      float *coarse, uint8_t *doubt);
-void ref_normal_map(const float *depth, const kernel_camera *c, cl_float2 noise, float *normals,
+void ref_normal_map(const float *depth, const kernel_camera *c, kernel_noise noise, float *normals,
                     uint8_t *doubt);
 void ref_pack_map(const float *depth, const float *normals, const kernel_camera *c, float *packed);
 void ref_halve_map(const float *fine, const kernel_camera *f, const kernel_camera *c, float *coarse,
@@ -92,7 +92,7 @@ typedef struct {
 } ref_plane;
 
 /* The plane through the pixel's point, across its normal, or across its ray where it has none. weight: not rounded. */
-ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
+ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, kernel_noise noise,
                        int x, int y);
 #define REF_WEIGHT_BITS 511u
 /* To eight bytes, and back. First: n (ref_pack_normal). Second: w, a float whose last nine bits are the weight. w holds the
@@ -100,7 +100,7 @@ ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_ca
 cl_uint2 ref_pack_plane(const ref_plane *plane);
 ref_plane ref_unpack_plane(cl_uint2 packed);
 /* Of a whole picture, row by row. */
-void ref_pack_planes(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
+void ref_pack_planes(const float *depth, const float *normals, const kernel_camera *c, kernel_noise noise,
                      cl_uint2 *planes);
 
 /* What fuse_blocks found of a voxel. */

@@ -32,8 +32,8 @@ void ref_transform(const kernel_rigid *m, const double p[3], double out[3]) {
     out[2] += m->z.s[3];
 }
 
-double ref_sigma(cl_float2 noise, double z) {
-    return noise.s[0] + noise.s[1] * z * z;
+double ref_sigma(kernel_noise noise, double z) {
+    return noise.base + noise.slope * z + noise.growth * z * z;
 }
 
 static void mark(uint8_t *doubt, int index, bool value) {
@@ -67,7 +67,7 @@ static double metric_depth(const uint16_t *raw, const kernel_depth_source *s, in
 }
 
 /* The mean of those depths that belong to the nearest surface among them: up to 4 sigma and a share of the depth behind. */
-static double mean_of_nearest(const double *z, int count, cl_float2 noise, double share, bool *doubt) {
+static double mean_of_nearest(const double *z, int count, kernel_noise noise, double share, bool *doubt) {
     double nearest = INFINITY, sum = 0;
     int kept = 0;
     for (int i = 0; i < count; i++)
@@ -82,7 +82,7 @@ static double mean_of_nearest(const double *z, int count, cl_float2 noise, doubl
 }
 
 void ref_convert_depth(const uint16_t *raw, const kernel_depth_source *s, const kernel_camera *c,
-                       cl_float2 noise, float *depth, uint8_t *doubt) {
+                       kernel_noise noise, float *depth, uint8_t *doubt) {
     for (int y = 0; y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
             double z[64];
@@ -96,7 +96,7 @@ void ref_convert_depth(const uint16_t *raw, const kernel_depth_source *s, const 
         }
 }
 
-void ref_halve_depth(const float *fine, const kernel_camera *f, const kernel_camera *c, cl_float2 noise,
+void ref_halve_depth(const float *fine, const kernel_camera *f, const kernel_camera *c, kernel_noise noise,
                      float *coarse, uint8_t *doubt) {
     for (int y = 0; y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
@@ -113,7 +113,7 @@ static double known(const float *depth, const kernel_camera *c, int x, int y) {
     return x >= 0 && y >= 0 && x < c->width && y < c->height ? depth[ref_at(c, x, y)] : 0;
 }
 
-void ref_smooth_depth(const float *depth, const kernel_camera *c, cl_float2 noise, double reach,
+void ref_smooth_depth(const float *depth, const kernel_camera *c, kernel_noise noise, double reach,
                       float *smooth) {
     static const double binomial[5] = {1, 4, 6, 4, 1};
     for (int y = 0; y < c->height; y++)
@@ -152,7 +152,7 @@ static int slope(double before, double here, double after, double limit, double 
     return a + b;
 }
 
-void ref_normal_map(const float *depth, const kernel_camera *c, cl_float2 noise, float *normals,
+void ref_normal_map(const float *depth, const kernel_camera *c, kernel_noise noise, float *normals,
                     uint8_t *doubt) {
     for (int y = 0; y < c->height; y++)
         for (int x = 0; x < c->width; x++) {

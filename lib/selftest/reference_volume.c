@@ -191,7 +191,7 @@ static double clamp(double v, double low, double high) {
     return fmin(fmax(v, low), high);
 }
 
-ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
+ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, kernel_noise noise,
                        int x, int y) {
     int at = ref_at(c, x, y);
     double z = depth[at], ray[3] = {(x - (double)c->cx) / c->fx, (y - (double)c->cy) / c->fy, 1};
@@ -231,7 +231,7 @@ ref_plane ref_unpack_plane(cl_uint2 packed) {
     return p;
 }
 
-void ref_pack_planes(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
+void ref_pack_planes(const float *depth, const float *normals, const kernel_camera *c, kernel_noise noise,
                      cl_uint2 *planes) {
     for (int i = 0; i < c->width * c->height; i++) {
         int x = i % c->width, y = i / c->width;

@@ -58,7 +58,7 @@ void model_view_compare(model_view *w, device *d, depth_maps *maps, raycaster *r
             float apart = z - m.depth;
             float slope = m.normal[0] * ((float)x - c->cx) / c->fx +
                           m.normal[1] * ((float)y - c->cy) / c->fy + m.normal[2];
-            float sigma = maps->noise.s[0] + maps->noise.s[1] * z * z;
+            float sigma = maps->noise.base + maps->noise.slope * z + maps->noise.growth * z * z;
             if (fabsf(apart * slope) < tolerance_m + 3 * sigma)
                 out->agree += weight;
             else if (apart > 0)
