@@ -33,7 +33,7 @@ static void first_turn(fathom *f, const fathom_depth_frame *scan, fathom_result 
     memset(f->covariance, 0, sizeof f->covariance);
     for (int i = 0; i < 6; i++) f->covariance[7 * i] = 1e-10;
     track_keep(&f->tracker, &f->pose);
-    inertial_correct(&f->inertial, &f->pose, NULL, NULL, r->timestamp_ns);
+    inertial_correct(&f->inertial, &f->pose, NULL, NULL, true, r->timestamp_ns);
     inertial_check(&f->inertial, &f->pose, true, r->timestamp_ns);
     r->state = FATHOM_FIRST;
     r->verdict = FATHOM_VERDICT_TRACKING;
@@ -43,10 +43,10 @@ static void first_turn(fathom *f, const fathom_depth_frame *scan, fathom_result 
 static void learn(fathom *f, const inertial_motion *d, const attempt *best, bool tracking, int64_t timestamp_ns) {
     const alignment *icp = &best->icp;
     if (tracking || best->verdict == FATHOM_VERDICT_UNCERTAIN)
-        inertial_correct(&f->inertial, &f->pose, icp->information, icp->pull, timestamp_ns);
+        inertial_correct(&f->inertial, &f->pose, icp->information, icp->pull, !best->contradicted, timestamp_ns);
     else
         inertial_advance(&f->inertial, timestamp_ns);
-    bool settled = settled_by_geometry(&f->config, best);
+    bool settled = settled_by_geometry(&f->config, best) && !best->contradicted;
     inertial_check(&f->inertial, settled ? &icp->motion : NULL, tracking, timestamp_ns);
     odometry_advance(&f->odometry, &d->motion, d->covariance, &f->pose, f->covariance, tracking,
                      seconds_between(f->timestamp_ns, timestamp_ns));

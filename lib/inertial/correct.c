@@ -82,9 +82,9 @@ static void learn_turning(inertial *n, const measurement *m) {
 static void apply(inertial *n, const measurement *m) {
     navigation *now = &n->now;
     navigator before = now->state;
-    if (m->of_frame) learn_turning(n, m);
+    if (m->sound) learn_turning(n, m);
     navigate(n, &now->state, m->timestamp_ns);
-    double mismatch = m->of_frame ? learn_mismatch(n, &before, m) : now->mismatch;
+    double mismatch = m->sound ? learn_mismatch(n, &before, m) : now->mismatch;
     if (m->linearise) navigator_correct(&now->state, m, mismatch);
     if (!m->of_frame) return;
     now->corrected = m->camera_to_world;
@@ -153,7 +153,7 @@ static void tell_doubt(inertial *n) {
                   : "gyroscope and poses agree again");
 }
 
-int inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
+int inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6], bool sound,
                      int64_t timestamp_ns) {
     const fathom_config *c = n->config;
     if (!n->running) {
@@ -164,6 +164,7 @@ int inertial_correct(inertial *n, const pose *accepted, const double information
     measurement m = measurement_of_pose(timestamp_ns, accepted, information, pull, n->lever, c->pose_noise_rad,
                                         c->pose_noise_m);
     m.of_frame = true;
+    m.sound = sound;
     int e = inertial_measure(n, &m);
     if (n->now.doubted != doubted) tell_doubt(n);
     if (on_time) stand_still(n);

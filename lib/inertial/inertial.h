@@ -69,8 +69,9 @@ int inertial_measure(inertial *n, const measurement *m);
 /* A frame whose pose wasn't accepted: the navigator goes on to its stamp alone. */
 void inertial_advance(inertial *n, int64_t timestamp_ns);
 
-/* A frame's accepted pose corrects the navigator (the first one starts it); information and pull: see measurement_of_pose. */
-int inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
+/* A frame's accepted pose corrects the navigator (the first one starts it); information and pull: see measurement_of_pose.
+ * sound: alignment is beyond doubt, so that where it and inertia differ tells how good the IMU is. */
+int inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6], bool sound,
                      int64_t timestamp_ns);
 
 /* The IMU's pose of a camera pose. */

@@ -32,7 +32,8 @@ struct measurement {
     double pull[MEASUREMENT_ROWS];   /* where the value was found jointly with the prior: the information times the way from
                                         it to what the measurement alone says, so that the prior doesn't count twice */
     double max_squares;              /* squared Mahalanobis distance beyond which it is left out; INFINITY: never */
-    bool of_frame;                   /* an accepted frame's pose: mismatch and doubt (inertial/correct.c) learn from it */
+    bool of_frame;                   /* an accepted frame's pose */
+    bool sound;                      /* and one that mismatch and doubt (inertial/correct.c) learn from */
     /* what linearise reads */
     pose camera_to_world;
     double lever[3];

@@ -13,6 +13,15 @@
 #define EAGER 15
 #define RARE 30
 
+/* Where inertia alone is as sure as this, and alignment agrees with it, a surface that contradicts both for so long is wrong (it
+ * has moved, or the sensor saw what isn't there: glass, smear), and what is seen now is to take its place. */
+#define CONFIRMED_M 0.02
+#define CONFIRMED_RAD 0.02
+#define CONFIRMED_SIGMAS 3
+#define LASTING_S 0.1
+#define PAUSE_S 0.5 /* within which it is the same contradiction */
+#define CONTRADICTED_TRUST 0.1 /* of alignment's information: it used that surface, too */
+
 #define MAX_ROUNDS 4      /* more, from a proposed place: where the weight of far pairs is small, alignment creeps */
 #define STAYS_M 0.002     /* a round that moves the pose by less has settled it */
 #define STAYS_RAD 0.002
@@ -40,6 +49,7 @@ void tracker_close(tracker *t) {
 void tracker_reset(tracker *t) {
     model_maps_forget(&t->models);
     t->strayed = false;
+    t->contradicted_ns = t->contradiction_ns = INT64_MIN;
     t->missed = 0;
     t->drawn = 0;
 }
@@ -157,6 +167,29 @@ static void search(tracker *t, const align_prior *seed, attempt *icp) {
     }
 }
 
+static double rotation_sigma(const double covariance[36]) {
+    return sqrt(fmax(covariance[0], fmax(covariance[7], covariance[14])));
+}
+
+/* Ends a contradiction that lasts. */
+static void settle_contradiction(tracker *t, const align_prior *seed, int64_t timestamp_ns, attempt *icp) {
+    const bool sure = covariance_position_sigma(seed->covariance) < CONFIRMED_M &&
+                      rotation_sigma(seed->covariance) < CONFIRMED_RAD && icp->innovation < CONFIRMED_SIGMAS;
+    const bool lately = t->contradiction_ns != INT64_MIN && seconds_between(t->contradiction_ns, timestamp_ns) < PAUSE_S;
+    icp->contradicted = lately;
+    if ((icp->verdict != FATHOM_VERDICT_CONTRADICTION && icp->verdict != FATHOM_VERDICT_RESIDUAL) || !sure) return;
+    if (!lately) t->contradicted_ns = timestamp_ns;
+    t->contradiction_ns = timestamp_ns;
+    if (seconds_between(t->contradicted_ns, timestamp_ns) < LASTING_S) return;
+    icp->verdict = FATHOM_VERDICT_TRACKING;
+    icp->contradicted = true;
+    for (int i = 0; i < 36; i++) {
+        icp->icp.information[i] *= CONTRADICTED_TRUST;
+        icp->icp.covariance[i] /= CONTRADICTED_TRUST;
+    }
+    for (int i = 0; i < 6; i++) icp->icp.pull[i] *= CONTRADICTED_TRUST;
+}
+
 /* Lost for long: this frame isn't looked for. */
 static bool rests(const tracker *t) {
     return t->missed >= EAGER && t->missed % RARE != 0;
@@ -175,6 +208,7 @@ bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, 
     if (seeded && worth_another_try(icp->verdict)) track_attempt(t, &seed->mean, seed, false, icp);
     second_attempt(t, &seed->mean, scan->timestamp_ns, icp);
     search(t, seed, icp);
+    settle_contradiction(t, seed, scan->timestamp_ns, icp);
     return icp->verdict == FATHOM_VERDICT_TRACKING;
 }
 

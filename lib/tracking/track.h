@@ -23,6 +23,7 @@ typedef struct {
     model_maps models;
     model_view view;
     bool strayed;   /* the last frame wasn't tracked */
+    int64_t contradicted_ns, contradiction_ns; /* the surface contradicts poses that inertia confirms: since then, and last */
     int missed;     /* frames in a row, lost, that every attempt has failed for */
     unsigned drawn; /* hypotheses of relocalisation so far */
     /* of the frame at hand */

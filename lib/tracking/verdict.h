@@ -11,6 +11,7 @@ typedef struct {
     fathom_verdict verdict;
     bool seeded;                       /* from a seed good enough for max_seeded_iterations */
     bool searched;                     /* from a place that relocalisation proposed */
+    bool contradicted;                 /* the surface contradicts it, and gives way: what inertia confirms (track.c) */
     bool by_velocity;                  /* the prior is where the last velocity leads, not inertia's */
     double rotation_rad, translation_m; /* from the prior's mean to the result */
     double innovation;                 /* the same in sigmas of the prior */

@@ -157,8 +157,8 @@ static void reversed_interval_is_the_inverse(void **state) {
     push_cone(200, 2);
     const double turned[6] = {0.3, -0.7, 1.1, 0.2, 0.1, -0.4}, moved[6] = {0.02, 0.01, 0, 0.05, -0.02, 0.03};
     pose before = pose_exp(turned), way = pose_exp(moved), after = pose_multiply(&before, &way);
-    inertial_correct(&n, &before, NULL, NULL, ns(0.3));
-    inertial_correct(&n, &after, NULL, NULL, ns(0.4)); /* so that it has a velocity */
+    inertial_correct(&n, &before, NULL, NULL, true, ns(0.3));
+    inertial_correct(&n, &after, NULL, NULL, true, ns(0.4)); /* so that it has a velocity */
     const int64_t first[] = {ns(0.4), ns(0.4123), ns(0.2), ns(1.9)},
                   second[] = {ns(0.9), ns(1.7001), ns(0.7), ns(2.6)};
     for (int i = 0; i < 4; i++) { /* after, across and before the last pose, and beyond the samples */
@@ -183,8 +183,8 @@ static void a_backward_estimates_covariance_is_the_forward_ones_carried_over(voi
     push_cone(200, 2);
     const double turned[6] = {0.3, -0.7, 1.1, 0.2, 0.1, -0.4}, moved[6] = {0.02, 0.01, 0, 0.05, -0.02, 0.03};
     pose before = pose_exp(turned), way = pose_exp(moved), after = pose_multiply(&before, &way);
-    inertial_correct(&n, &before, NULL, NULL, ns(0.3));
-    inertial_correct(&n, &after, NULL, NULL, ns(0.4));
+    inertial_correct(&n, &before, NULL, NULL, true, ns(0.3));
+    inertial_correct(&n, &after, NULL, NULL, true, ns(0.4));
     inertial_motion there = estimate(0.5, 1.3), back = estimate(1.3, 0.5);
     double adjoint[36], carried[36], largest = 0;
     pose_adjoint(&there.motion, adjoint);
@@ -287,7 +287,7 @@ static pose follow_a_steady_way(void) {
         }
         so3_exp(w, r);
         so3_multiply(start.r, r, p.r);
-        inertial_correct(&n, &p, NULL, NULL, ns(0.1 * i));
+        inertial_correct(&n, &p, NULL, NULL, true, ns(0.1 * i));
     }
     return p;
 }
@@ -371,7 +371,7 @@ static void absurd_stamps_stay_finite(void **state) {
             for (int i = 0; i < 6; i++) {
                 const pose origin = pose_identity();
                 inertial_advance(&n, stamps[5 - i]);
-                inertial_correct(&n, &origin, NULL, NULL, stamps[i]);
+                inertial_correct(&n, &origin, NULL, NULL, true, stamps[i]);
                 for (int k = 0; k < 9; k++) assert_true(isfinite(n.now.state.r[k]));
                 for (int k = 0; k < 3; k++) assert_true(isfinite(n.now.state.p[k]) && isfinite(n.now.state.v[k]));
                 for (int k = 0; k < NAVIGATOR_STATES * NAVIGATOR_STATES; k++)
@@ -480,7 +480,7 @@ static void an_even_slide_is_no_rest(void **state) {
             assert_int_equal(inertial_push(&n, &s), FATHOM_OK);
         }
         inertial_drain(&n);
-        inertial_correct(&n, &origin, NULL, NULL, ns(0.5));
+        inertial_correct(&n, &origin, NULL, NULL, true, ns(0.5));
         n.now.state.v[0] = moving ? 0.06 : 0.03;
         n.now.state.covariance[(NAVIGATOR_STATES + 1) * NAVIGATOR_VELOCITY] = 0.05 * 0.05;
         timeline_restart(&n.past, &n.now);
@@ -490,7 +490,7 @@ static void an_even_slide_is_no_rest(void **state) {
                 assert_int_equal(inertial_push(&n, &s), FATHOM_OK);
             }
             inertial_drain(&n);
-            inertial_correct(&n, &origin, nothing, NULL, ns(0.5 + 0.05 * k));
+            inertial_correct(&n, &origin, nothing, NULL, true, ns(0.5 + 0.05 * k));
         }
         assert_true(moving ? n.now.state.v[0] > 0.055 : n.now.state.v[0] < 0.01);
         assert_true(moving ? n.samples.still.used == 0 : n.samples.still.used > 0);
@@ -512,7 +512,7 @@ static void a_sudden_misfit_widens_the_stretch_that_it_happened_in(void **state)
             assert_int_equal(inertial_push(&n, &s), FATHOM_OK);
         }
         inertial_drain(&n);
-        if (k <= 300) inertial_correct(&n, &p, information, NULL, ns(k / 30.0));
+        if (k <= 300) inertial_correct(&n, &p, information, NULL, true, ns(k / 30.0));
     }
     double known = n.now.mismatch;
     assert_true(known < 0.2);
@@ -520,7 +520,7 @@ static void a_sudden_misfit_widens_the_stretch_that_it_happened_in(void **state)
     navigate(&n, &foretold, ns(301 / 30.0));
     navigator_camera_covariance(&foretold, n.lever, before);
     p.t[0] += 0.1;
-    inertial_correct(&n, &p, information, NULL, ns(301 / 30.0));
+    inertial_correct(&n, &p, information, NULL, true, ns(301 / 30.0));
     pose camera = navigator_camera(&n.now.state, n.lever);
     assert_true(n.now.mismatch > 2 * known);
     /* the same by hand, and what a stretch of the noise known before would make of it */

@@ -91,7 +91,7 @@ static void take_frame(inertial *n, int64_t t_ns) {
     if (t_ns / FRAME_NS % 5 == 3)
         inertial_advance(n, t_ns); /* a frame that isn't tracked */
     else
-        assert_int_equal(inertial_correct(n, &m.camera_to_world, m.information, NULL, t_ns), FATHOM_OK);
+        assert_int_equal(inertial_correct(n, &m.camera_to_world, m.information, NULL, true, t_ns), FATHOM_OK);
 }
 
 static void assert_same(const navigation *a, const navigation *b, double tolerance) {
@@ -145,8 +145,8 @@ static void frames_poses_in_any_order_make_the_state_of_those_in_order(void **st
     for (int k = 0; k < count; k++) {
         int64_t t = k * 40 * MS, u = order[k] * 40 * MS;
         measurement a = seen_at(&on_time, t), b = seen_at(&late, u);
-        assert_int_equal(inertial_correct(&on_time, &a.camera_to_world, a.information, NULL, t), FATHOM_OK);
-        assert_int_equal(inertial_correct(&late, &b.camera_to_world, b.information, NULL, u), FATHOM_OK);
+        assert_int_equal(inertial_correct(&on_time, &a.camera_to_world, a.information, NULL, true, t), FATHOM_OK);
+        assert_int_equal(inertial_correct(&late, &b.camera_to_world, b.information, NULL, true, u), FATHOM_OK);
     }
     assert_int_equal(late.late, 5);
     assert_same(&on_time.now, &late.now, 1e-9);
@@ -222,7 +222,7 @@ static void a_late_pose_across_a_refined_mounting_counts_in_the_new_axes(void **
     begin(&late, block[1]);
     for (int k = 0; k <= 40; k++) {
         push_until(&late, k * FRAME_NS, (k + 1) * FRAME_NS, true);
-        inertial_correct(&late, &origin, NULL, NULL, k * FRAME_NS);
+        inertial_correct(&late, &origin, NULL, NULL, true, k * FRAME_NS);
     }
     for (int i = 0; i < 3; i++) assert_true(fabs(late.now.state.gyro_bias[i] - 0.01 * (i + 1)) < 2e-4);
     memcpy(late.refiner.mounting, mounting, sizeof mounting);

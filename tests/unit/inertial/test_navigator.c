@@ -98,7 +98,7 @@ static void correct_at(double t) {
     double information[36] = {0};
     pose p = true_pose(t);
     for (int i = 0; i < 6; i++) information[7 * i] = 1e8;
-    inertial_correct(&n, &p, information, NULL, ns(t));
+    inertial_correct(&n, &p, information, NULL, true, ns(t));
 }
 
 /* Frames from `from` to `to`, samples from `start` on. */

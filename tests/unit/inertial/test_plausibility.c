@@ -100,7 +100,7 @@ static double run(const scan *s, fault *how) {
         pose error = pose_exp(noise);
         p = pose_multiply(&p, &error);
         for (int i = 0; i < 6; i++) information[7 * i] = 1e6;
-        inertial_correct(&n, &p, information, NULL, ns(t));
+        inertial_correct(&n, &p, information, NULL, true, ns(t));
         inertial_check(&n, &p, true, ns(t));
         if (warnings > 0 && t < when) when = t;
     }

@@ -106,7 +106,7 @@ static void track(double from, double to) {
             noise[i] = (i < 3 ? POSE_RAD : POSE_M) * random_normal(noise_key, (uint64_t)(6 * k + i));
         pose p = true_pose(t), off = pose_exp(noise);
         p = pose_multiply(&p, &off);
-        inertial_correct(&n, &p, information, NULL, ns(t));
+        inertial_correct(&n, &p, information, NULL, true, ns(t));
         inertial_check(&n, &p, true, ns(t));
     }
 }
