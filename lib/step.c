@@ -90,9 +90,8 @@ void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     r->timestamp_ns = scan->timestamp_ns;
     inertial_drain(&f->inertial);
     inertial_follow_clock(&f->inertial, scan->timestamp_ns);
-    kernel_noise noise;
-    if (depth_noise_look(&f->noise, &f->config, scan, &noise)) depth_maps_set_noise(&f->maps, &f->config, &noise);
-    depth_maps_make(&f->maps, &f->device, scan->depth, (size_t)scan->row_stride_bytes, 0);
+    depth_noise_look(&f->noise, &f->maps, scan);
+    depth_maps_take(&f->maps, &f->device, scan, 0);
     device_wait(&f->device);
     r->ms_maps = (float)(now_ms() - start);
     if (f->started)

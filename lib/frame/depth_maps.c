@@ -81,6 +81,7 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
                                       .factor = p->width / m->camera[FINEST].width,
                                       .metres_per_unit = 1.0f / c->depth_units_per_metre,
                                       .min_m = c->min_depth_m};
+    m->min_confidence = c->min_confidence;
     depth_maps_set_noise(m, c, &(kernel_noise){c->depth_noise_base_m, c->depth_noise_slope, c->depth_noise_growth_per_m});
     device_buffer_make(d, a, (size_t)p->width * (size_t)p->height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
@@ -113,17 +114,31 @@ void depth_maps_close(depth_maps *m) {
     }
 }
 
-void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, size_t stride_bytes, int coarsest) {
+static void blank_unsure(const depth_maps *m, const fathom_depth_frame *frame, uint16_t *raw) {
+    const int width = m->source.width;
+    for (int y = 0; y < m->source.height; y++)
+        for (int x = 0; x < width; x++)
+            if (!depth_maps_sure(m, frame, x, y)) raw[y * width + x] = 0;
+}
+
+void depth_maps_take(depth_maps *m, device *d, const fathom_depth_frame *frame, int coarsest) {
     void *raw = device_map(d, &m->raw, CL_MAP_WRITE);
     if (!raw) return;
     const size_t row_bytes = (size_t)m->source.width * 2, rows = (size_t)m->source.height;
+    const size_t stride_bytes = (size_t)frame->row_stride_bytes;
     if (stride_bytes == row_bytes)
-        memcpy(raw, frame, row_bytes * rows);
+        memcpy(raw, frame->depth, row_bytes * rows);
     else
         for (size_t y = 0; y < rows; y++)
-            memcpy((char *)raw + row_bytes * y, (const char *)frame + stride_bytes * y, row_bytes);
+            memcpy((char *)raw + row_bytes * y, (const char *)frame->depth + stride_bytes * y, row_bytes);
+    if (frame->confidence && m->min_confidence > 0) blank_unsure(m, frame, raw);
     device_unmap(d, &m->raw, raw);
     depth_maps_compute(m, d, coarsest);
+}
+
+void depth_maps_make(depth_maps *m, device *d, const uint16_t *depth, size_t stride_bytes, int coarsest) {
+    const fathom_depth_frame frame = {.depth = depth, .row_stride_bytes = (int32_t)stride_bytes};
+    depth_maps_take(m, d, &frame, coarsest);
 }
 
 void depth_maps_compute(depth_maps *m, device *d, int coarsest) {

@@ -12,6 +12,7 @@ typedef struct {
     kernel_camera camera[FATHOM_LEVELS]; /* the ideal pinhole of each level */
     kernel_depth_source source;
     kernel_noise noise;
+    int min_confidence;
     device_buffer raw;                  /* the frame as it came */
     device_buffer depth[FATHOM_LEVELS]; /* metric: what is aligned and fused */
     device_buffer smooth; /* the finest depth smoothed, for its normals only: alignment with smoothed
@@ -30,8 +31,16 @@ int depth_maps_camera(const fathom_config *config, kernel_camera *camera);
 void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *config);
 void depth_maps_close(depth_maps *m);
 
-/* Queues all maps of a frame, whose rows lie stride_bytes apart, down to the coarsest level wanted. */
-void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, size_t stride_bytes, int coarsest);
+/* Is pixel x of row y sure enough to be looked at? */
+static inline bool depth_maps_sure(const depth_maps *m, const fathom_depth_frame *frame, int x, int y) {
+    return !frame->confidence || frame->confidence[y * frame->confidence_stride_bytes + x] >= m->min_confidence;
+}
+
+/* Queues all maps of a frame (a checked one: its strides are set), down to the coarsest level wanted. */
+void depth_maps_take(depth_maps *m, device *d, const fathom_depth_frame *frame, int coarsest);
+
+/* The same of depth alone, whose rows lie stride_bytes apart. */
+void depth_maps_make(depth_maps *m, device *d, const uint16_t *depth, size_t stride_bytes, int coarsest);
 
 /* The same for the frame that was copied last. */
 void depth_maps_compute(depth_maps *m, device *d, int coarsest);

@@ -44,8 +44,8 @@ static float start_of(int i, float first, int shift) {
 
 void depth_noise_init(depth_noise *n, const fathom_config *c) {
     memset(n, 0, sizeof *n);
+    n->config = c;
     n->given = (kernel_noise){c->depth_noise_base_m, c->depth_noise_slope, c->depth_noise_growth_per_m};
-    n->refine = c->refine_depth_noise;
 }
 
 void depth_noise_reset(depth_noise *n) {
@@ -65,10 +65,13 @@ static void fade(depth_noise *n) {
     }
 }
 
-static void count_row(depth_noise *n, const uint16_t *row, int width, float unit, int low, int high) {
-    for (int x = 1; x < width - 1; x++) {
+static void count_row(depth_noise *n, const depth_maps *m, const fathom_depth_frame *f, int y, int low, int high) {
+    const uint16_t *row = f->depth + (size_t)y * (size_t)(f->row_stride_bytes / 2);
+    const float unit = m->source.metres_per_unit;
+    for (int x = 1; x < f->width - 1; x++) {
         const int a = row[x - 1], b = row[x], c = row[x + 1];
         if (a < low || a > high || b < low || b > high || c < low || c > high) continue;
+        if (!depth_maps_sure(m, f, x - 1, y) || !depth_maps_sure(m, f, x, y) || !depth_maps_sure(m, f, x + 1, y)) continue;
         const float z = (float)b * unit, size = (float)abs(a - 2 * b + c) * unit;
         if (size > EDGE * z) continue;
         const int i = range_of(z, DEPTH_FIRST, DEPTH_SHIFT, DEPTH_NOISE_RANGES);
@@ -78,14 +81,14 @@ static void count_row(depth_noise *n, const uint16_t *row, int width, float unit
     }
 }
 
-static void count_frame(depth_noise *n, const fathom_config *c, const fathom_depth_frame *f) {
-    const float unit = 1.0f / c->depth_units_per_metre;
-    const int low = (int)fminf(fmaxf(ceilf(c->min_depth_m / unit), 1), 65535);
-    const int high = (int)fminf(c->max_depth_m / unit, 65534);
+static void count_frame(depth_noise *n, const depth_maps *m, const fathom_depth_frame *f) {
+    const float unit = m->source.metres_per_unit;
+    const int low = (int)fminf(fmaxf(ceilf(n->config->min_depth_m / unit), 1), 65535);
+    const int high = (int)fminf(n->config->max_depth_m / unit, 65534);
     const int rows = f->height < ROWS ? f->height : ROWS;
     for (int i = 0; i < rows; i++) {
         const int y = (int)(((int64_t)i * f->height + n->frames % (f->height / rows)) / rows);
-        count_row(n, f->depth + (size_t)y * (size_t)(f->row_stride_bytes / 2), f->width, unit, low, high);
+        count_row(n, m, f, y, low, high);
     }
 }
 
@@ -174,14 +177,13 @@ static kernel_noise estimate(const depth_noise *n) {
     return depth_noise_fit(z, values, weights, count);
 }
 
-bool depth_noise_look(depth_noise *n, const fathom_config *c, const fathom_depth_frame *f, kernel_noise *noise) {
-    if (!n->refine) return false;
-    const bool now = n->frames < EACH || n->frames % SOME == 0;
-    if (now) {
+void depth_noise_look(depth_noise *n, depth_maps *m, const fathom_depth_frame *f) {
+    if (!n->config->refine_depth_noise) return;
+    if (n->frames < EACH || n->frames % SOME == 0) {
         fade(n);
-        count_frame(n, c, f);
-        *noise = estimate(n);
+        count_frame(n, m, f);
+        const kernel_noise noise = estimate(n);
+        depth_maps_set_noise(m, n->config, &noise);
     }
     n->frames++;
-    return now;
 }

@@ -4,14 +4,14 @@
 #ifndef FATHOM_DEPTH_NOISE_H
 #define FATHOM_DEPTH_NOISE_H
 
-#include "cl/kernel_types.h"
+#include "frame/depth_maps.h"
 
 #define DEPTH_NOISE_RANGES 20 /* of depth, two per octave */
 #define DEPTH_NOISE_SIZES 64  /* of second difference, four per octave */
 
 typedef struct {
+    const fathom_config *config;
     kernel_noise given; /* the settings': where nothing was seen, the noise has this shape */
-    bool refine;
     int frames; /* looked at */
     float depth[DEPTH_NOISE_RANGES]; /* sums, m */
     float count[DEPTH_NOISE_RANGES];
@@ -23,8 +23,9 @@ void depth_noise_init(depth_noise *n, const fathom_config *config);
 /* Forgets what was seen. */
 void depth_noise_reset(depth_noise *n);
 
-/* Looks at a frame: every frame at first, later some. Returns true when *noise is a new estimate. */
-bool depth_noise_look(depth_noise *n, const fathom_config *config, const fathom_depth_frame *frame, kernel_noise *noise);
+/* Looks at a frame (a checked one) before its maps are made, and gives them the new estimate: every frame at first, later
+ * some. With refine_depth_noise false it does nothing. */
+void depth_noise_look(depth_noise *n, depth_maps *maps, const fathom_depth_frame *frame);
 
 /* The a, b, c >= 0 of a + b z + c z^2 that come nearest to the values, by relative errors squared with weights. */
 kernel_noise depth_noise_fit(const double *z, const double *values, const double *weights, int count);

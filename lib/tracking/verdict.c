@@ -18,7 +18,7 @@ double valid_part(const depth_maps *maps, const fathom_depth_frame *scan) {
     for (int y = 0; y < scan->height; y += 4, rows++)
         for (int x = 0; x < scan->width; x++) {
             int d = scan->depth[y * (scan->row_stride_bytes / 2) + x];
-            valid += d >= low && d <= high;
+            valid += d >= low && d <= high && depth_maps_sure(maps, scan, x, y);
         }
     return (double)valid / (rows * scan->width);
 }

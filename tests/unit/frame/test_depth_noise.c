@@ -66,14 +66,14 @@ static kernel_noise estimate_of(sensor s, double near_m, double far_m, int step,
     const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
                                       .row_stride_bytes = 2 * WIDTH};
     depth_noise n;
-    kernel_noise out = {0};
+    depth_maps m = {.source.metres_per_unit = 1 / units};
     uint32_t random = 7;
     depth_noise_init(&n, &c);
     for (int i = 0; i < frames; i++) {
         render(depth, s, near_m, far_m, step, units, &random);
-        depth_noise_look(&n, &c, &frame, &out);
+        depth_noise_look(&n, &m, &frame);
     }
-    return out;
+    return m.noise;
 }
 
 static double sigma(const kernel_noise *n, double z) {
@@ -157,10 +157,10 @@ static void blank_frames_leave_the_settings(void **state) {
     const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
                                       .row_stride_bytes = 2 * WIDTH};
     depth_noise n;
-    kernel_noise out = {9, 9, 9};
+    depth_maps m = {.noise = {9, 9, 9}, .source.metres_per_unit = 0.001f};
     depth_noise_init(&n, &c);
-    assert_true(depth_noise_look(&n, &c, &frame, &out));
-    assert_memory_equal(&out, &n.given, sizeof out);
+    depth_noise_look(&n, &m, &frame);
+    assert_memory_equal(&m.noise, &n.given, sizeof m.noise);
 }
 
 /* A sensor that changes in the middle is followed, and a reset forgets what was seen. */
@@ -171,28 +171,53 @@ static void a_change_is_followed(void **state) {
     const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
                                       .row_stride_bytes = 2 * WIDTH};
     depth_noise n;
-    kernel_noise out = {0};
+    depth_maps m = {.source.metres_per_unit = 0.001f};
     uint32_t random = 3;
     depth_noise_init(&n, &c);
     for (int i = 0; i < 600; i++) {
         render(depth, i < 40 ? triangulation : lidar, 0.7, 6, 40, 1000, &random);
-        depth_noise_look(&n, &c, &frame, &out);
-        if (i == 39) assert_true(exponent(&out) > 1.7);
+        depth_noise_look(&n, &m, &frame);
+        if (i == 39) assert_true(exponent(&m.noise) > 1.7);
     }
-    assert_true(exponent(&out) < 1.25);
+    assert_true(exponent(&m.noise) < 1.25);
     depth_noise_reset(&n);
     render(depth, triangulation, 0.7, 6, 40, 1000, &random);
-    depth_noise_look(&n, &c, &frame, &out);
-    assert_true(exponent(&out) > 1.7);
+    depth_noise_look(&n, &m, &frame);
+    assert_true(exponent(&m.noise) > 1.7);
+}
+
+/* Every other pixel is unsure, and wild. */
+static void unsure_pixels_are_not_looked_at(void **state) {
+    (void)state;
+    static uint16_t depth[WIDTH * HEIGHT];
+    static uint8_t confidence[WIDTH * HEIGHT];
+    const fathom_config c = settings(1000);
+    const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
+                                      .row_stride_bytes = 2 * WIDTH, .confidence = confidence,
+                                      .confidence_stride_bytes = WIDTH};
+    depth_maps m = {.source.metres_per_unit = 0.001f, .min_confidence = 2};
+    depth_noise n;
+    uint32_t random = 5;
+    depth_noise_init(&n, &c);
+    render(depth, lidar, 0.7, 6, 40, 1000, &random);
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        confidence[i] = i / 8 % 2 ? 1 : 2;
+        if (i / 8 % 2) depth[i] = (uint16_t)(depth[i] * (1 + 0.02 * normal(&random)));
+    }
+    depth_noise_look(&n, &m, &frame);
+    const kernel_noise sure = estimate_of(lidar, 0.7, 6, 40, 1000, 1);
+    for (double z = 0.7; z < 6; z *= 1.5) assert_true(fabs(log(sigma(&m.noise, z) / sigma(&sure, z))) < log(1.3));
 }
 
 static void what_is_given_can_be_kept(void **state) {
     (void)state;
     fathom_config c = settings(1000);
     depth_noise n;
+    depth_maps m = {.noise = {1, 2, 3}};
     c.refine_depth_noise = false;
     depth_noise_init(&n, &c);
-    assert_false(depth_noise_look(&n, &c, NULL, NULL));
+    depth_noise_look(&n, &m, NULL);
+    assert_true(m.noise.base == 1 && m.noise.slope == 2 && m.noise.growth == 3);
 }
 
 int main(void) {
@@ -207,6 +232,7 @@ int main(void) {
         cmocka_unit_test(unseen_depths_have_the_settings_shape),
         cmocka_unit_test(blank_frames_leave_the_settings),
         cmocka_unit_test(a_change_is_followed),
+        cmocka_unit_test(unsure_pixels_are_not_looked_at),
         cmocka_unit_test(what_is_given_can_be_kept),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
