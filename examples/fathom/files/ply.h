@@ -1,4 +1,5 @@
-/* Streams triangles into a binary little-endian PLY file with normals, in bounded memory.
+/* Streams triangles into a binary little-endian PLY file with normals, each vertex once. Memory: 1 MB, and
+ * 7 to 10 bytes per vertex.
  *
  * Vertices go to FILE.part, faces to FILE.faces.part; at the end the faces are appended, the counts are set
  * in the header and the file is renamed to its place. So FILE is whole or not touched. */
@@ -10,16 +11,14 @@
 #include <stdio.h>
 
 #include "fathom.h"
+#include "fathom/files/corners.h"
 #include "fathom/shell/log.h"
-
-struct ply_slot; /* of the window in which shared corners are recognised */
 
 struct ply {
     const char *path;
     char *vertices_path, *faces_path;
     FILE *vertices, *faces;
-    struct ply_slot *window;
-    uint32_t clock; /* picks the slot that gives way */
+    struct corners corners; /* no position is written twice */
     int64_t vertex_count, face_count;
     bool failed; /* and said so */
 };
