@@ -744,7 +744,9 @@ typedef struct {
 } fathom_vertex;
 
 /* Gets triangle_count triangles, three vertices each, counter-clockwise seen from outside. Corners that triangles share
- * are bit-equal. Valid during the call. Returns 0 to go on; anything else stops (FATHOM_ERROR_STOPPED). */
+ * are bit-equal. Up to 16,000 voxels from the origin a triangle has three different corners, and no two triangles have the
+ * same three: corners keep 1/256 of a voxel from voxel centres. Valid during the call. Returns 0 to go on; anything else
+ * stops (FATHOM_ERROR_STOPPED). */
 typedef int (*fathom_triangles)(void *user, const fathom_vertex *vertices, size_t triangle_count);
 
 /* Streams the surface's triangles (marching cubes, Lorensen and Cline 1987) to the callback in batches, in bounded memory:

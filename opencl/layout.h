@@ -114,6 +114,7 @@ LAYOUT_INLINE cl_uint block_hash(cl_int x, cl_int y, cl_int z, cl_int submap) {
     { {0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {1, 3}, {4, 6}, {5, 7}, {0, 4}, {1, 5}, {2, 6}, {3, 7} }
 #define CASE_SIZE 16 /* edges of up to five triangles, then CASE_END */
 #define CASE_END 255
+#define CORNER_MARGIN (1.0f / 256) /* a triangle's corner keeps this part of its edge from a voxel: none fall together */
 #define CASE_TRIANGLES 5
 
 #endif

@@ -62,7 +62,7 @@ kernel void emit_triangles(global const short *voxels, global const int4 *table,
             int edge = cases[kind * CASE_SIZE + j];
             int a = edge_ends[edge][0], b = edge_ends[edge][1];
             int3 ia = i + corner_offset(a), ib = i + corner_offset(b);
-            float t = d[a] / (d[a] - d[b]);
+            float t = clamp(d[a] / (d[a] - d[b]), CORNER_MARGIN, 1.0f - CORNER_MARGIN);
             float3 p = (convert_float3(ia) + t * convert_float3(ib - ia)) * f.voxel;
             float3 n = mix(voxel_gradient(voxels, table, f, ia, &last, &place),
                            voxel_gradient(voxels, table, f, ib, &last, &place), t);

@@ -195,7 +195,7 @@ static void edge_vertex(ref_volume *v, const int i[3], int edge, const double d[
     int low, high, at_low[3], at_high[3];
     double g_low[3], g_high[3], n[3];
     edge_corners(edge, &low, &high);
-    double t = d[low] / (d[low] - d[high]);
+    double t = fmin(fmax(d[low] / (d[low] - d[high]), CORNER_MARGIN), 1 - CORNER_MARGIN);
     for (int a = 0; a < 3; a++) {
         at_low[a] = i[a] + (low >> a & 1);
         at_high[a] = i[a] + (high >> a & 1);
