@@ -39,8 +39,10 @@ static void first_turn(fathom *f, const fathom_depth_frame *scan, fathom_result 
     r->verdict = FATHOM_VERDICT_TRACKING;
 }
 
-/* What the frame teaches: the navigator gets its pose, or goes on alone; the pose that never jumps goes on by its motion. */
-static void learn(fathom *f, const inertial_motion *d, const attempt *best, bool tracking, int64_t timestamp_ns) {
+/* What the frame teaches: the navigator gets its pose, or goes on alone; the pose that never jumps goes on by its
+ * motion. */
+static void learn(fathom *f, const inertial_motion *d, const attempt *best, bool tracking,
+                  int64_t timestamp_ns) {
     const alignment *icp = &best->icp;
     if (tracking || best->verdict == FATHOM_VERDICT_UNCERTAIN)
         inertial_correct(&f->inertial, &f->pose, icp->information, icp->pull, timestamp_ns);

@@ -117,7 +117,7 @@ inline void load_pairs(global const float *p, wfloat *even, wfloat *odd) {
 #endif
 }
 
-/* ---- a surface's points in eight bytes: a normal in 11, 11 and 10 bits, and a float (a depth, a plane's distance) ---- */
+/* ---- a surface's points in eight bytes: a normal in 11, 11 and 10 bits, and a float (a depth, a plane's distance)  */
 
 inline vint pack_normals(vfloat x, vfloat y, vfloat z) { /* z is never 1: they face the camera */
     return (vnear(x * 1023.0f) << 21) | (vnear(y * 1023.0f) << 10 & 0x1ffc00) | (vnear(z * 511.5f) & 0x3ff);
@@ -130,7 +130,8 @@ inline uint2 pack_point(float3 n, float depth) { /* without a normal all is zero
 
 inline float4 unpack_point(uint2 p) {
     int n = p.x;
-    return (float4)(convert_float3((int3)(NORMAL_X(n), NORMAL_Y(n), NORMAL_Z(n))) * NORMAL_UNIT, as_float(p.y));
+    return (float4)(convert_float3((int3)(NORMAL_X(n), NORMAL_Y(n), NORMAL_Z(n))) * NORMAL_UNIT,
+                    as_float(p.y));
 }
 
 /* WIDE points in planes: from one place after the other, or from anywhere. */
@@ -197,7 +198,8 @@ inline void store_points(int first, int second, int count, global uint2 *to) {
 }
 #endif
 
-/* Asks for what the next row will need. PoCL's own prefetch() does nothing. A GPU has other work-items to go on with. */
+/* Asks for what the next row will need. PoCL's own prefetch() does nothing. A GPU has other work-items to go on
+ * with. */
 #if LANES == 1
 #define FETCH_AHEAD(p)
 #elif defined(POCL_DEVICE_ADDRESS_BITS)

@@ -1,9 +1,9 @@
 /* Ray-cast of the surface to model maps (Newcombe et al. 2011, "KinectFusion", Section 3.3), over the hashed blocks. */
 
-/* The eight stored distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. Doesn't look at
- * min_weight: for ray-casts. */
-inline bool stored_cube(global const short *voxels, global const int4 *table, kernel_surface f, int3 i, short8 *cube,
-                        int3 *last, int *place) {
+/* The eight stored distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. Doesn't
+ * look at min_weight: for ray-casts. */
+inline bool stored_cube(global const short *voxels, global const int4 *table, kernel_surface f, int3 i,
+                        short8 *cube, int3 *last, int *place) {
     int3 in = i & 7, b = i >> 3;
     if (any(b != *last)) {
         *last = b;
@@ -38,8 +38,8 @@ inline bool stored_cube(global const short *voxels, global const int4 *table, ke
 }
 
 /* The same in truncations. */
-inline bool cube_at(global const short *voxels, global const int4 *table, kernel_surface f, int3 i, float8 *cube,
-                    int3 *last, int *place) {
+inline bool cube_at(global const short *voxels, global const int4 *table, kernel_surface f, int3 i,
+                    float8 *cube, int3 *last, int *place) {
     short8 stored;
     bool seen = stored_cube(voxels, table, f, i, &stored, last, place);
     if (seen) *cube = convert_float8(stored) * (1.0f / TSDF_ONE);
@@ -62,8 +62,8 @@ inline float3 interpolate_gradient(float8 c, float3 t) {
 }
 
 /* Distance at p, in voxels; NAN if one of the eight voxels about it was never seen. */
-inline float distance_at(global const short *voxels, global const int4 *table, kernel_surface f, float3 p, int3 *last,
-                         int *place) {
+inline float distance_at(global const short *voxels, global const int4 *table, kernel_surface f, float3 p,
+                         int3 *last, int *place) {
     float8 c;
     int3 i = convert_int3_rtn(p);
     return cube_at(voxels, table, f, i, &c, last, place) ? interpolate(c, p - convert_float3(i)) : NAN;
@@ -78,8 +78,8 @@ kernel void clear_ranges(global int *ranges) {
     ranges[2 * i + 1] = 0;
 }
 
-kernel void range_blocks(global const int4 *blocks, kernel_surface f, kernel_camera c, kernel_rigid world_to_camera,
-                         float near_m, float far_m, global int *ranges) {
+kernel void range_blocks(global const int4 *blocks, kernel_surface f, kernel_camera c,
+                         kernel_rigid world_to_camera, float near_m, float far_m, global int *ranges) {
     int4 b = blocks[get_global_id(0)];
     if (b.w != f.submap) return;
     float voxel = f.voxel, edge = voxel * BLOCK_EDGE;
@@ -102,10 +102,12 @@ kernel void range_blocks(global const int4 *blocks, kernel_surface f, kernel_cam
     if (farthest < near_m || nearest > far_m) return;
     if (!(high.x > -1.0f && high.y > -1.0f && low.x < (float)c.width && low.y < (float)c.height)) return;
     int tiles_x = (c.width + TILE - 1) / TILE;
-    int x0 = convert_int_rtn(fmax(low.x - 1.0f, 0.0f)) / TILE, y0 = convert_int_rtn(fmax(low.y - 1.0f, 0.0f)) / TILE;
+    int x0 = convert_int_rtn(fmax(low.x - 1.0f, 0.0f)) / TILE,
+        y0 = convert_int_rtn(fmax(low.y - 1.0f, 0.0f)) / TILE;
     int x1 = convert_int_rtn(fmin(high.x + 1.0f, (float)(c.width - 1))) / TILE;
     int y1 = convert_int_rtn(fmin(high.y + 1.0f, (float)(c.height - 1))) / TILE;
-    int near_bits = as_int(fmax(nearest - 2.0f * voxel, near_m)), far_bits = as_int(fmin(farthest + 2.0f * voxel, far_m));
+    int near_bits = as_int(fmax(nearest - 2.0f * voxel, near_m)),
+        far_bits = as_int(fmin(farthest + 2.0f * voxel, far_m));
     for (int y = y0; y <= y1; y++)
         for (int x = x0; x <= x1; x++) {
             volatile global int *range = ranges + 2 * (y * tiles_x + x);
@@ -214,8 +216,9 @@ kernel void raycast(global const short *voxels, global const int4 *table, kernel
 
 /* A corner's distance, of all lanes. */
 #if LANES == 8
-#define CORNER(q, k) \
-    convert_float8((short8)(q[0].s##k, q[1].s##k, q[2].s##k, q[3].s##k, q[4].s##k, q[5].s##k, q[6].s##k, q[7].s##k))
+#define CORNER(q, k)                                                                                         \
+    convert_float8(                                                                                          \
+        (short8)(q[0].s##k, q[1].s##k, q[2].s##k, q[3].s##k, q[4].s##k, q[5].s##k, q[6].s##k, q[7].s##k))
 #else
 #define CORNER(q, k) convert_float(q[0].s##k)
 #endif
@@ -224,8 +227,9 @@ kernel void raycast(global const short *voxels, global const int4 *table, kernel
  * nearly right, the scan's own depth is the best start: Newton's method along the ray from there, one or two cubes of
  * voxels instead of a march. Where that fails, and `marched` isn't 0, the ray is marched from `reach` before the scan's
  * depth to as far behind. Global size: strips of LANES pixels a row, height. */
-kernel void raycast_near(global const short *voxels, global const int4 *table, kernel_surface f, kernel_camera c,
-                         kernel_rigid pose, global const float *scan, float reach, int marched, global uint2 *model) {
+kernel void raycast_near(global const short *voxels, global const int4 *table, kernel_surface f,
+                         kernel_camera c, kernel_rigid pose, global const float *scan, float reach,
+                         int marched, global uint2 *model) {
     int x0 = get_global_id(0) * LANES, y = get_global_id(1);
     vfloat z = VLOAD(scan + AT(c, x0, y)), t = z;
     vfloat u = ((float)x0 + IOTA - c.cx) / c.fx; /* of the rays, in camera axes, with z = 1 */
@@ -250,13 +254,15 @@ kernel void raycast_near(global const short *voxels, global const int4 *table, k
         VSTORE(VINT(lz), iz);
         for (int l = 0; l < LANES; l++) {
             cube[l] = 0;
-            if (go[l] && !stored_cube(voxels, table, f, (int3)(ix[l], iy[l], iz[l]), &cube[l], &last, &place)) go[l] = 0;
+            if (go[l] && !stored_cube(voxels, table, f, (int3)(ix[l], iy[l], iz[l]), &cube[l], &last, &place))
+                go[l] = 0;
         }
         open = VLOAD(go);
         /* trilinear, x first, with the derivatives along */
         vfloat fx = px - lx, fy = py - ly, fz = pz - lz;
         vfloat c0 = CORNER(cube, 0), c2 = CORNER(cube, 2), c4 = CORNER(cube, 4), c6 = CORNER(cube, 6);
-        vfloat dx0 = CORNER(cube, 1) - c0, dx1 = CORNER(cube, 3) - c2, dx2 = CORNER(cube, 5) - c4, dx3 = CORNER(cube, 7) - c6;
+        vfloat dx0 = CORNER(cube, 1) - c0, dx1 = CORNER(cube, 3) - c2, dx2 = CORNER(cube, 5) - c4,
+               dx3 = CORNER(cube, 7) - c6;
         vfloat x00 = c0 + dx0 * fx, x10 = c2 + dx1 * fx, x01 = c4 + dx2 * fx, x11 = c6 + dx3 * fx;
         vfloat dy0 = x10 - x00, dy1 = x11 - x01, xy0 = x00 + dy0 * fy, xy1 = x01 + dy1 * fy;
         vfloat dxy0 = dx0 + (dx1 - dx0) * fy, dxy1 = dx2 + (dx3 - dx2) * fy;
@@ -268,8 +274,11 @@ kernel void raycast_near(global const short *voxels, global const int4 *table, k
         vfloat change = value / SELECT((vfloat)(1.0f), -slope, open);
         t = SELECT(t, t + change, open);
         open = open & (fabs(t - z) <= reach);
-        vint same = (VFLOAT(vfloor(ox + sx * t)) == lx) & (VFLOAT(vfloor(oy + sy * t)) == ly) & (VFLOAT(vfloor(oz + sz * t)) == lz); /* cube */
-        vint close = open & (fabs(change) * speed < SELECT((vfloat)(NEWTON_CLOSE), (vfloat)(NEWTON_WITHIN), same));
+        /* the same cube */
+        vint same = (VFLOAT(vfloor(ox + sx * t)) == lx) & (VFLOAT(vfloor(oy + sy * t)) == ly) &
+                    (VFLOAT(vfloor(oz + sz * t)) == lz);
+        vint close =
+            open & (fabs(change) * speed < SELECT((vfloat)(NEWTON_CLOSE), (vfloat)(NEWTON_WITHIN), same));
         nx = SELECT(nx, gx, close);
         ny = SELECT(ny, gy, close);
         nz = SELECT(nz, gz, close);

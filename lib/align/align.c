@@ -21,8 +21,8 @@ void aligner_close(aligner *a) {
     device_buffer_free(&a->sums);
 }
 
-/* Of a start's position: no pairs are looked for beyond three of it, for rays cost by their length. With 0.05 a wrong pose passed
- * (tests/unit/tracking/test_faults.c): what doesn't fit has to show. */
+/* Of a start's position: no pairs are looked for beyond three of it, for rays cost by their length. With 0.05 a wrong
+ * pose passed (tests/unit/tracking/test_faults.c): what doesn't fit has to show. */
 #define MOST_SIGMA_M 0.2
 
 /* Pairs further apart than this are rejected; twice as far at each coarser level. */
@@ -54,8 +54,8 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
     device_unmap(d, &a->sums, sums);
 }
 
-void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS], const pose *start,
-           const align_prior *known, const int budget[FATHOM_LEVELS], alignment *result) {
+void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS],
+           const pose *start, const align_prior *known, const int budget[FATHOM_LEVELS], alignment *result) {
     const fathom_config *c = a->config;
     const double sigma = covariance_position_sigma(known->covariance);
     double centre[3] = {0, 0, 1.5}; /* about where the pairs are; then their centroid */

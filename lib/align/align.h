@@ -29,8 +29,8 @@ typedef struct {
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);
 void aligner_close(aligner *a);
 
-/* Section 2: one reduction over all pixels of a level at a motion, against a model map of any camera. Waits for the device.
- * distance: of a pair at most; huber_m: residual from which its weight falls; centre: see normal_equations. */
+/* Section 2: one reduction over all pixels of a level at a motion, against a model map of any camera. Waits for the
+ * device. distance: of a pair at most; huber_m: residual from which its weight falls; centre: see normal_equations. */
 void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose *motion,
                   const device_buffer *model, const kernel_camera *model_camera, double distance,
                   double huber_m, const double centre[3], normal_equations *e);
@@ -38,10 +38,10 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
 /* How far from the scan a model point may lie and still pair with it, from the coarsest level on. */
 float align_reach(const aligner *a, int coarsest, double position_sigma_m);
 
-/* Aligns from `start` on, with at most budget[level] iterations at each level, with the model maps of each level. The prior's
- * position sigma widens the pair distance; its information enters the solve with FATHOM_PRIOR_INFORMATION. Waits for the
- * device at each iteration. */
-void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS], const pose *start,
-           const align_prior *prior, const int budget[FATHOM_LEVELS], alignment *result);
+/* Aligns from `start` on, with at most budget[level] iterations at each level, with the model maps of each level. The
+ * prior's position sigma widens the pair distance; its information enters the solve with FATHOM_PRIOR_INFORMATION.
+ * Waits for the device at each iteration. */
+void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS],
+           const pose *start, const align_prior *prior, const int budget[FATHOM_LEVELS], alignment *result);
 
 #endif

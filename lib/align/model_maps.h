@@ -29,8 +29,8 @@ void model_maps_renew(model_maps *m, const pose *from, int coarsest);
 /* Takes the frame's own maps, as seen from there. */
 void model_maps_take_frame(model_maps *m, device *d, depth_maps *maps, const pose *at);
 
-/* An alignment with them has found so many pairs, and how well conditioned they were: they serve no further frame once a
- * tenth of the pairs is gone, or where what they show barely holds the pose. */
+/* An alignment with them has found so many pairs, and how well conditioned they were: they serve no further frame once
+ * a tenth of the pairs is gone, or where what they show barely holds the pose. */
 void model_maps_used(model_maps *m, int pairs, double condition);
 
 #endif

@@ -3,8 +3,8 @@
 #include <Eigen/Dense>
 #include <cmath>
 
-/* A direction that the normals' noise tells nearly as much of as the pairs do drags the pose along: this many times the noise
- * halves what it says. */
+/* A direction that the normals' noise tells nearly as much of as the pairs do drags the pose along: this many times the
+ * noise halves what it says. */
 #define SHYNESS 30.0
 
 using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;

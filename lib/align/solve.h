@@ -51,8 +51,8 @@ typedef struct {
 
 /* Solves by singular value decomposition. Without a prior (NULL), directions whose singular value is below 1e-6 of the
  * largest are left alone (minimum norm). With one, its information is added to the pairs', from which the share that
- * noise makes is taken off first, so that what geometry leaves free is held by inertia; covariance is then the joint one,
- * in true units. False when there is nothing to solve: no pairs, or sums that aren't finite. */
+ * noise makes is taken off first, so that what geometry leaves free is held by inertia; covariance is then the joint
+ * one, in true units. False when there is nothing to solve: no pairs, or sums that aren't finite. */
 bool solve_alignment(const normal_equations *e, const solve_prior *prior, solution *s);
 
 #ifdef __cplusplus

@@ -35,7 +35,8 @@ size_t call_struct(fathom *f, const void *callers, const char *name) {
 int call_take(fathom *f, void *whole, size_t size, const void *callers, const char *name) {
     if (call_struct(f, callers, name) == 0) return FATHOM_ERROR_ARGUMENT;
     if (sized_in(whole, size, callers)) return FATHOM_OK;
-    return call_refuse(f, "%s is longer than this library's, and the rest isn't zero: fields of a later version", name);
+    return call_refuse(
+        f, "%s is longer than this library's, and the rest isn't zero: fields of a later version", name);
 }
 
 const char *fathom_last_error(const fathom *f) {

@@ -63,16 +63,18 @@ static int build(fathom *f, const fathom *scratch, const fathom_memory_plan *pla
     return FATHOM_OK;
 }
 
-static int init(fathom **context, fathom *scratch, const fathom_config *config, void *memory, size_t size, char *why,
-                size_t why_size) {
+static int init(fathom **context, fathom *scratch, const fathom_config *config, void *memory, size_t size,
+                char *why, size_t why_size) {
     fathom_memory_plan plan;
     error_text *r = &scratch->error;
     int e = plan_make(scratch, config, &plan);
     if (e == FATHOM_OK && (!context || !memory))
-        e = error_text_fail(r, FATHOM_ERROR_ARGUMENT, FATHOM_LOG_ERROR, "%s is NULL", context ? "memory" : "context");
+        e = error_text_fail(r, FATHOM_ERROR_ARGUMENT, FATHOM_LOG_ERROR, "%s is NULL",
+                            context ? "memory" : "context");
     if (e == FATHOM_OK && size < (size_t)plan.host_bytes)
-        e = error_text_fail(r, FATHOM_ERROR_MEMORY, FATHOM_LOG_ERROR, "the block has %zu bytes; these settings need %lld", size,
-                        (long long)plan.host_bytes);
+        e = error_text_fail(r, FATHOM_ERROR_MEMORY, FATHOM_LOG_ERROR,
+                            "the block has %zu bytes; these settings need %lld", size,
+                            (long long)plan.host_bytes);
     if (e != FATHOM_OK) {
         error_text_copy(r, why, why_size);
         return e;

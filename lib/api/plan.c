@@ -87,7 +87,8 @@ int fathom_plan_memory(const fathom_config *config, fathom_memory_plan *plan, ch
     fathom_memory_plan whole;
     const size_t size = sized_of(plan);
     if (size == 0) {
-        const error_text r = {.text = "plan is NULL, or its struct_size isn't set: FATHOM_STRUCT(fathom_memory_plan)"};
+        const error_text r = {
+            .text = "plan is NULL, or its struct_size isn't set: FATHOM_STRUCT(fathom_memory_plan)"};
         error_text_copy(&r, why, why_size);
         return FATHOM_ERROR_ARGUMENT;
     }

@@ -91,7 +91,8 @@ static int set_row(const setting_row *row, fathom_config *config, const char *te
         return FATHOM_OK;
     }
     case FATHOM_SETTING_BOOL:
-        if (strcmp(text, "false") == 0 || strcmp(text, "true") == 0) return set_number(row, config, *text == 't');
+        if (strcmp(text, "false") == 0 || strcmp(text, "true") == 0)
+            return set_number(row, config, *text == 't');
         return read_word(row->words, text, &word) ? set_number(row, config, word) : FATHOM_ERROR_VALUE;
     case FATHOM_SETTING_WORD:
         return read_word(row->words, text, &word) ? set_number(row, config, word) : FATHOM_ERROR_VALUE;
@@ -162,7 +163,7 @@ int setting_print_range(const setting_row *row, char *text, size_t size) {
     return snprintf(text, size, "%s%s..%s", row->zero ? "0," : "", low, high);
 }
 
-/* ---- public ------------------------------------------------------------------------------------------------------- */
+/* ---- public ------------------------------------------------------------------------------------------------------ */
 
 /* The row, when the caller's struct is long enough to have it. */
 static const setting_row *row_in(const fathom_config *config, const char *name) {

@@ -128,7 +128,8 @@ pose pose_exp(const double twist[6]) {
 void pose_log(const pose *p, double twist[6]) {
     so3_log(p->r, twist);
     double x = norm3(twist), v[9];
-    /* V^-1 = I - 1/2 [w]x + d [w]x^2 with d = 1/x^2 - (1 + cos x) / (2 x sin x), by half angles near zero and near pi */
+    /* V^-1 = I - 1/2 [w]x + d [w]x^2 with d = 1/x^2 - (1 + cos x) / (2 x sin x), by half angles near zero and near
+     * pi */
     double d = x < 1e-4 ? 1.0 / 12 + x * x / 720 : (1 - 0.5 * x * cos(0.5 * x) / sin(0.5 * x)) / (x * x);
     rodrigues(twist, -0.5, d, v);
     for (int i = 0; i < 3; i++)

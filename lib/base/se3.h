@@ -1,8 +1,9 @@
-/* Rigid motions SE(3) in double precision. References: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in
- * robotics" (2018), Section IV and Appendix B, D.
+/* Rigid motions SE(3) in double precision. References: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation
+ * in robotics" (2018), Section IV and Appendix B, D.
  *
- * A pose maps p to rotation * p + translation. A twist is rotation (radians) then translation (metres); perturbations are
- * on the right: pose * exp(twist), so a twist and a covariance live in the axes of the frame that the pose maps from. */
+ * A pose maps p to rotation * p + translation. A twist is rotation (radians) then translation (metres); perturbations
+ * are on the right: pose * exp(twist), so a twist and a covariance live in the axes of the frame that the pose maps
+ * from. */
 #ifndef FATHOM_SE3_H
 #define FATHOM_SE3_H
 

@@ -1,6 +1,6 @@
 /* Structs that cross the interface: their first field, struct_size, says how large the caller's is. Inside the library
- * everything works on whole structs; these two carry them in and out. The rules are openat2's (Linux). In a header, so that
- * the drivers' library, which sees only what fathom.h declares, has them too. */
+ * everything works on whole structs; these two carry them in and out. The rules are openat2's (Linux). In a header, so
+ * that the drivers' library, which sees only what fathom.h declares, has them too. */
 #ifndef FATHOM_SIZED_H
 #define FATHOM_SIZED_H
 
@@ -18,8 +18,8 @@ static inline size_t sized_of(const void *callers) {
     return size >= sizeof size && size <= SIZED_MAX ? size : 0;
 }
 
-/* Takes the caller's struct in: whole (size bytes, holding the defaults) gets the fields that the caller's covers. False when
- * struct_size can't be one, or when a struct longer than this library's has something in the rest. */
+/* Takes the caller's struct in: whole (size bytes, holding the defaults) gets the fields that the caller's covers.
+ * False when struct_size can't be one, or when a struct longer than this library's has something in the rest. */
 static inline bool sized_in(void *whole, size_t size, const void *callers) {
     const size_t given = sized_of(callers);
     if (given == 0) return false;

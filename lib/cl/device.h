@@ -1,5 +1,5 @@
-/* The OpenCL device: choice, context and queue, and its first error. cl/program.h builds its kernels, cl/buffer.h makes its
- * buffers, cl/launch.h runs the kernels. */
+/* The OpenCL device: choice, context and queue, and its first error. cl/program.h builds its kernels, cl/buffer.h makes
+ * its buffers, cl/launch.h runs the kernels. */
 #ifndef FATHOM_DEVICE_H
 #define FATHOM_DEVICE_H
 
@@ -32,7 +32,8 @@ typedef struct {
 /* Chooses the device and says where its buffers will lie; opens nothing. FATHOM_OK or FATHOM_ERROR_DEVICE. */
 int device_choose(device *d, const fathom_config *config);
 
-/* Opens context and queue on the chosen device and builds the kernels. FATHOM_OK, _DEVICE or _KERNEL (nothing stays open). */
+/* Opens context and queue on the chosen device and builds the kernels. FATHOM_OK, _DEVICE or _KERNEL (nothing stays
+ * open). */
 int device_open(device *d);
 void device_close(device *d);
 

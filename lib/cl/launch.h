@@ -20,7 +20,8 @@ typedef struct {
 #define ARG(v)                                                                                               \
     { sizeof(v), &(v) }
 
-/* Queues a kernel over columns x rows work-items (rows 1: one dimension). group 0: the runtime chooses the work-group. */
+/* Queues a kernel over columns x rows work-items (rows 1: one dimension). group 0: the runtime chooses the
+ * work-group. */
 void device_run(device *d, cl_kernel kernel, size_t columns, size_t rows, size_t group, int count,
                 const device_argument *arguments);
 #define RUN(d, kernel, columns, rows, group, ...)                                                            \

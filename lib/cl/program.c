@@ -110,7 +110,8 @@ static bool program_to_file(device *d, const char *path, uint64_t built_for) {
     char part[PATH_MAX]; /* beside the file, so that it gets its name whole or not at all */
     bool fits = snprintf(part, sizeof part, "%s.%d", path, (int)getpid()) < (int)sizeof part;
     if (!fits)
-        log_write(d->config, FATHOM_LOG_WARNING, "built kernels can't be written: the path is too long: %s", path);
+        log_write(d->config, FATHOM_LOG_WARNING, "built kernels can't be written: the path is too long: %s",
+                  path);
     else if (clGetProgramInfo(d->program, CL_PROGRAM_BINARIES, sizeof binary, &binary, NULL) == CL_SUCCESS) {
         header->built_for = built_for;
         header->size = size - sizeof *header;
@@ -195,7 +196,8 @@ int program_build(device *d) {
     }
     d->program = clCreateProgramWithSource(d->context, n, sources, NULL, &e);
     if (!d->program) {
-        log_write(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels can't be given to %s (code %d)", d->name, e);
+        log_write(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels can't be given to %s (code %d)", d->name,
+                  e);
         return FATHOM_ERROR_KERNEL;
     }
     const char *extra = getenv("FATHOM_KERNEL_OPTIONS"); /* for tests: a build that fails */

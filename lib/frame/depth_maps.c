@@ -47,7 +47,8 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
     }
     /* what is noisier than the surface is thick fills the pool and says nothing */
     float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m) - c->depth_noise_base_m;
-    float far_m = c->depth_noise_growth_per_m > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth_per_m) : c->max_depth_m;
+    float far_m = c->depth_noise_growth_per_m > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth_per_m)
+                                                  : c->max_depth_m;
     const fathom_pinhole *p = &c->depth_camera;
     float k[8] = {0};
     for (int i = 0; i < (p->lens == FATHOM_LENS_PINHOLE ? 0 : p->lens == FATHOM_LENS_FIVE ? 5 : 8); i++)

@@ -23,8 +23,8 @@ typedef struct {
 /* Two samples in a row. */
 void clock_watch_samples(clock_watch *w, int64_t before_ns, int64_t after_ns);
 
-/* A frame, when all samples that arrived before it have been taken; newest_ns: the last of them, after the last frame's.
- * Returns what has to be added to the stamps of samples from *from_ns on, and of all to come; mostly 0. */
+/* A frame, when all samples that arrived before it have been taken; newest_ns: the last of them, after the last
+ * frame's. Returns what has to be added to the stamps of samples from *from_ns on, and of all to come; mostly 0. */
 int64_t clock_watch_frame(clock_watch *w, int64_t frame_ns, int64_t newest_ns, int64_t period_ns,
                           int64_t *from_ns);
 

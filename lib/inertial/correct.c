@@ -36,7 +36,8 @@ static double foretold_wrongly(inertial *n, bool without, const pose *way, int64
 /* Do the samples still tell of this camera's turning? A clock that leapt unseen, or a loose IMU, shows here. */
 static void doubt(inertial *n, const measurement *m) {
     double dt = 1e-9 * ((double)m->timestamp_ns - (double)n->now.corrected_ns);
-    int last = samples_find(&n->samples, m->timestamp_ns), first = samples_find(&n->samples, n->now.corrected_ns);
+    int last = samples_find(&n->samples, m->timestamp_ns),
+        first = samples_find(&n->samples, n->now.corrected_ns);
     if (!n->config->imu || n->samples.count < 2 || first < 0 || dt > DOUBT_SECONDS) return;
     double samples = last - first, wanted = 1e9 * dt / (double)n->samples.period_ns;
     if (samples < 0.5 * wanted || samples < 1) return; /* a gap */
@@ -52,9 +53,10 @@ static void doubt(inertial *n, const measurement *m) {
                      : n->now.against > 1 && n->now.gyro_error > fmax(much, 4 * n->now.turn_error);
 }
 
-/* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie from
- * where inertia put them; a sudden misfit widens the stretch that it happened in. before: the state at its start. Returns the
- * mismatch that the pose itself is corrected by: what it teaches counts from the next on, unless it was sudden. */
+/* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie
+ * from where inertia put them; a sudden misfit widens the stretch that it happened in. before: the state at its start.
+ * Returns the mismatch that the pose itself is corrected by: what it teaches counts from the next on, unless it was
+ * sudden. */
 static double learn_mismatch(inertial *n, const navigator *before, const measurement *m) {
     navigation *now = &n->now;
     double known = now->mismatch, misfit = navigator_misfit(&now->state, m, known);
@@ -161,8 +163,8 @@ int inertial_correct(inertial *n, const pose *accepted, const double information
         return FATHOM_OK;
     }
     bool on_time = timestamp_ns >= n->now.state.timestamp_ns, doubted = n->now.doubted;
-    measurement m = measurement_of_pose(timestamp_ns, accepted, information, pull, n->lever, c->pose_noise_rad,
-                                        c->pose_noise_m);
+    measurement m = measurement_of_pose(timestamp_ns, accepted, information, pull, n->lever,
+                                        c->pose_noise_rad, c->pose_noise_m);
     m.of_frame = true;
     int e = inertial_measure(n, &m);
     if (n->now.doubted != doubted) tell_doubt(n);

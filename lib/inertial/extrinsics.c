@@ -55,8 +55,9 @@ static double loudness(const double rate[3]) {
     return square > QUIET_RATE * QUIET_RATE ? 1 - QUIET_RATE * QUIET_RATE / square : 0;
 }
 
-/* How the errors before an interval become that of the orientation after it. The camera's turn is exp(m) G exp(-m), where
- * G is the gyroscope's between stamps that are earlier by the offset t: exp(rate_from t) turned exp(-rate_to t). */
+/* How the errors before an interval become that of the orientation after it. The camera's turn is exp(m) G exp(-m),
+ * where G is the gyroscope's between stamps that are earlier by the offset t: exp(rate_from t) turned exp(-rate_to
+ * t). */
 static void linearise(const rig_interval *i, double seconds, double f[3][N]) {
     double turn[3], rates[3];
     so3_log(i->turned, turn);
@@ -101,8 +102,8 @@ static void predict(rig_refiner *r, const rig_interval *i, double seconds, doubl
     so3_multiply(r->carried, i->turned, r->carried);
 }
 
-/* The orientation as alignment has it, one axis after the other (Bierman 1977, Section II.8). Returns the mean square of
- * the misfits over what was expected. */
+/* The orientation as alignment has it, one axis after the other (Bierman 1977, Section II.8). Returns the mean square
+ * of the misfits over what was expected. */
 static double update(const double misfit[3], double variance, double error[N], double c[N * N]) {
     double squares = 0, column[N];
     for (int row = 0; row < 3; row++) {

@@ -1,10 +1,10 @@
-/* Refines the IMU's mounting rotation and clock offset from the way that the camera turned: a Kalman filter of ten states
- * (orientation 3, mounting 3, offset 1, gyro bias 3) that carries the camera's orientation on by the gyroscope and compares
- * it with alignment's. Pure arithmetic; inertial/health/inertial_check.c gathers what it compares, inertial/rig.c acts on what it
- * finds.
+/* Refines the IMU's mounting rotation and clock offset from the way that the camera turned: a Kalman filter of ten
+ * states (orientation 3, mounting 3, offset 1, gyro bias 3) that carries the camera's orientation on by the gyroscope
+ * and compares it with alignment's. Pure arithmetic; inertial/health/inertial_check.c gathers what it compares,
+ * inertial/rig.c acts on what it finds.
  *
- * The states are those of Li and Mourikis 2014, "Online temporal calibration for camera-IMU systems", without translation:
- * rotation alone needs neither the lever nor gravity. */
+ * The states are those of Li and Mourikis 2014, "Online temporal calibration for camera-IMU systems", without
+ * translation: rotation alone needs neither the lever nor gravity. */
 #ifndef FATHOM_EXTRINSICS_H
 #define FATHOM_EXTRINSICS_H
 

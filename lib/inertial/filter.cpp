@@ -108,7 +108,8 @@ void navigator_step(navigator *n, double dt, const double gyro[3], const double 
         c(GYRO_BIAS + i, GYRO_BIAS + i) += noise->gyro_walk * noise->gyro_walk * dt;
         c(ACCEL_BIAS + i, ACCEL_BIAS + i) += noise->accel_walk * noise->accel_walk * dt;
     }
-    /* A map that turns slowly takes the orientation, the velocity and gravity with it: what is down for the IMU stays. */
+    /* A map that turns slowly takes the orientation, the velocity and gravity with it: what is down for the IMU
+     * stays. */
     Eigen::Matrix<double, NAVIGATOR_STATES, 3> turned_map =
         Eigen::Matrix<double, NAVIGATOR_STATES, 3>::Zero();
     turned_map.block<3, 3>(ROTATION, 0) = r.transpose();
@@ -118,8 +119,8 @@ void navigator_step(navigator *n, double dt, const double gyro[3], const double 
     stored = 0.5 * (c + c.transpose());
 }
 
-/* How the error moves the camera's pose (right perturbation): the camera is at p - R lever, so it turns by the same angle
- * and moves by R^T dp + lever x rotation, in its own axes. */
+/* How the error moves the camera's pose (right perturbation): the camera is at p - R lever, so it turns by the same
+ * angle and moves by R^T dp + lever x rotation, in its own axes. */
 static Observation camera_of_error(const navigator *n, const double lever[3]) {
     Observation h = Observation::Zero();
     h.block<3, 3>(0, ROTATION) = Matrix3d::Identity();
@@ -142,7 +143,8 @@ void navigator_camera_covariance(const navigator *n, const double lever[3], doub
         h * Eigen::Map<const RowCovariance>(n->covariance) * h.transpose();
 }
 
-void navigator_camera_jacobian(const navigator *n, const double lever[3], double jacobian[6 * NAVIGATOR_STATES]) {
+void navigator_camera_jacobian(const navigator *n, const double lever[3],
+                               double jacobian[6 * NAVIGATOR_STATES]) {
     Eigen::Map<RowObservation> j(jacobian);
     j = camera_of_error(n, lever);
 }

@@ -1,4 +1,5 @@
-/* InertialEstimate (Section 3): the samples' way from the pushing thread to the navigator, and the navigator over time. */
+/* InertialEstimate (Section 3): the samples' way from the pushing thread to the navigator, and the navigator over
+ * time. */
 #ifndef FATHOM_INERTIAL_H
 #define FATHOM_INERTIAL_H
 
@@ -61,15 +62,16 @@ void inertial_follow_clock(inertial *n, int64_t frame_ns);
  * samples nor an accepted pose. */
 int inertial_estimate(inertial *n, int64_t from_ns, int64_t to_ns, inertial_motion *out);
 
-/* Takes the state on to the measurement's time and corrects it. One that is older than the state is applied at its own time:
- * the state goes back to the moment before, and what came since is applied anew. FATHOM_OK; FATHOM_ERROR_NO_DATA before the
- * first pose; FATHOM_ERROR_TIME for one that is older than the timeline, which is left out and counted. */
+/* Takes the state on to the measurement's time and corrects it. One that is older than the state is applied at its own
+ * time: the state goes back to the moment before, and what came since is applied anew. FATHOM_OK; FATHOM_ERROR_NO_DATA
+ * before the first pose; FATHOM_ERROR_TIME for one that is older than the timeline, which is left out and counted. */
 int inertial_measure(inertial *n, const measurement *m);
 
 /* A frame whose pose wasn't accepted: the navigator goes on to its stamp alone. */
 void inertial_advance(inertial *n, int64_t timestamp_ns);
 
-/* A frame's accepted pose corrects the navigator (the first one starts it); information and pull: see measurement_of_pose. */
+/* A frame's accepted pose corrects the navigator (the first one starts it); information and pull: see
+ * measurement_of_pose. */
 int inertial_correct(inertial *n, const pose *accepted, const double information[36], const double pull[6],
                      int64_t timestamp_ns);
 
@@ -79,8 +81,8 @@ pose inertial_imu_pose(const inertial *n, const pose *camera);
 /* Fills in what is counted here. */
 void inertial_count(const inertial *n, fathom_counters *counters);
 
-/* inertial/health/inertial_check.c: is the IMU what the settings say? A frame's pose by alignment; NULL: none to be trusted in all
- * directions. accepted: it is the frame's pose. Warns, and stops using what is wrong. */
+/* inertial/health/inertial_check.c: is the IMU what the settings say? A frame's pose by alignment; NULL: none to be
+ * trusted in all directions. accepted: it is the frame's pose. Warns, and stops using what is wrong. */
 void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t timestamp_ns);
 void inertial_check_reset(inertial *n);
 
@@ -90,8 +92,9 @@ void inertial_rig_reset(inertial *n);
 void inertial_rig_add(inertial *n, const rig_interval *i, const pose *aligned, int64_t timestamp_ns);
 void inertial_rig(const inertial *n, fathom_rig *rig);
 
-/* While the IMU isn't known to be right: where the camera would be if it had kept the velocity of the accepted poses. False
- * when there is no need for that (seed: where it is by inertia) or no such velocity. */
-bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess, double covariance[36]);
+/* While the IMU isn't known to be right: where the camera would be if it had kept the velocity of the accepted poses.
+ * False when there is no need for that (seed: where it is by inertia) or no such velocity. */
+bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess,
+                           double covariance[36]);
 
 #endif

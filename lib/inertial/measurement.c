@@ -32,8 +32,9 @@ measurement measurement_of_nothing(int64_t timestamp_ns) {
     return (measurement){.timestamp_ns = timestamp_ns, .max_squares = INFINITY};
 }
 
-measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world, const double information[36],
-                                const double pull[6], const double lever[3], double floor_rad, double floor_m) {
+measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world,
+                                const double information[36], const double pull[6], const double lever[3],
+                                double floor_rad, double floor_m) {
     measurement m = measurement_of_nothing(timestamp_ns);
     m.linearise = linearise_pose;
     m.camera_to_world = *camera_to_world;

@@ -1,6 +1,6 @@
-/* Measurements: everything that corrects the navigator. A measurement has a stamp, a residual and its Jacobian over the error
- * state, an information, and what the gate needs. Residual and Jacobian are functions of the state, so that a late
- * measurement, and those that came after it, can be linearised anew at the state of their time.
+/* Measurements: everything that corrects the navigator. A measurement has a stamp, a residual and its Jacobian over the
+ * error state, an information, and what the gate needs. Residual and Jacobian are functions of the state, so that a
+ * late measurement, and those that came after it, can be linearised anew at the state of their time.
  *
  * A new kind of measurement is a builder here with its linearise function; nothing else changes. */
 #ifndef FATHOM_MEASUREMENT_H
@@ -29,20 +29,24 @@ struct measurement {
     void (*linearise)(const measurement *m, const navigator *n, linearisation *out);
     double information[MEASUREMENT_ROWS * MEASUREMENT_ROWS]; /* row-major, may be singular */
     double floors[MEASUREMENT_ROWS]; /* sigmas of what the information doesn't count, in units of the mismatch */
-    double pull[MEASUREMENT_ROWS];   /* where the value was found jointly with the prior: the information times the way from
-                                        it to what the measurement alone says, so that the prior doesn't count twice */
+    /* where the value was found jointly with the prior: the information times the way from it to what the measurement
+     * alone says, so that the prior doesn't count twice */
+    double pull[MEASUREMENT_ROWS];
     double max_squares;              /* squared Mahalanobis distance beyond which it is left out; INFINITY: never */
-    bool of_frame;                   /* an accepted frame's pose: mismatch and doubt (inertial/correct.c) learn from it */
+    /* an accepted frame's pose: mismatch and doubt (inertial/correct.c) learn from it */
+    bool of_frame;
     /* what linearise reads */
     pose camera_to_world;
     double lever[3];
     double value[3];
 };
 
-/* A camera pose with its information (6x6, right perturbation, rotation then translation); directions without information
- * correct nothing; NULL: the pose is exact. pull: see above; NULL: none. lever: the IMU's origin in camera axes. */
-measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world, const double information[36],
-                                const double pull[6], const double lever[3], double floor_rad, double floor_m);
+/* A camera pose with its information (6x6, right perturbation, rotation then translation); directions without
+ * information correct nothing; NULL: the pose is exact. pull: see above; NULL: none. lever: the IMU's origin in camera
+ * axes. */
+measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world,
+                                const double information[36], const double pull[6], const double lever[3],
+                                double floor_rad, double floor_m);
 
 /* The IMU is at rest: its velocity is zero ... */
 measurement measurement_of_rest(int64_t timestamp_ns, double velocity_sigma);

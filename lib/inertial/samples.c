@@ -41,7 +41,7 @@ void samples_reset(imu_samples *s) {
     stillness_reset(&s->still, s->config->gyro_bias_sigma_rad_s);
 }
 
-/* ---- the pushing thread's -------------------------------------------------------------------------------------------- */
+/* ---- the pushing thread's ---------------------------------------------------------------------------------------- */
 
 /* No sensor's value. False for NaN, which may be an accelerometer that isn't there. */
 static bool absurd(const fathom_imu_sample *s) {
@@ -75,7 +75,7 @@ int samples_push(imu_samples *s, const fathom_imu_sample *sample) {
     return FATHOM_OK;
 }
 
-/* ---- into the history ------------------------------------------------------------------------------------------------ */
+/* ---- into the history -------------------------------------------------------------------------------------------- */
 
 unsigned samples_waiting(const imu_samples *s) {
     return atomic_load_explicit(&s->head, memory_order_acquire) -
@@ -125,7 +125,8 @@ static void append(imu_samples *s, const inertial_sample *fresh) {
     s->count++;
     *sample_at(s, s->count - 1) = *fresh;
     s->accepted++;
-    stillness_add(&s->still, fresh->gyro, fresh->accel, 1e-9 * (double)s->period_ns, s->config->gyro_noise_rad_s_sqrthz);
+    stillness_add(&s->still, fresh->gyro, fresh->accel, 1e-9 * (double)s->period_ns,
+                  s->config->gyro_noise_rad_s_sqrthz);
 }
 
 static bool sudden(const inertial_sample *a, const inertial_sample *b) {
@@ -157,7 +158,7 @@ void samples_take(imu_samples *s, const fathom_imu_sample *raw) {
         append(s, &fresh);
 }
 
-/* ---- clock and mounting ---------------------------------------------------------------------------------------------- */
+/* ---- clock and mounting ------------------------------------------------------------------------------------------ */
 
 void samples_follow_clock(imu_samples *s, int64_t frame_ns) {
     if (s->count == 0 || s->accepted == s->watched) return;
@@ -195,7 +196,7 @@ void samples_remount(imu_samples *s, const double mounting[3], int64_t later_ns)
     stillness_end(&s->still);
 }
 
-/* ---- looking back ---------------------------------------------------------------------------------------------------- */
+/* ---- looking back ------------------------------------------------------------------------------------------------ */
 
 int samples_find(const imu_samples *s, int64_t t) {
     int low = -1, high = (int)s->count;

@@ -1,5 +1,5 @@
-/* IMU samples on their way from the pushing thread to the stepping thread, and the history of them: in the order of their
- * stamps, on the depth camera's clock, in camera axes. */
+/* IMU samples on their way from the pushing thread to the stepping thread, and the history of them: in the order of
+ * their stamps, on the depth camera's clock, in camera axes. */
 #ifndef FATHOM_SAMPLES_H
 #define FATHOM_SAMPLES_H
 
@@ -59,8 +59,8 @@ bool samples_pop(imu_samples *s, fathom_imu_sample *raw);
 /* Takes a popped sample into the history. */
 void samples_take(imu_samples *s, const fathom_imu_sample *raw);
 
-/* A frame is about to be taken, and the samples that arrived before it are in the history: the stamps follow a clock that
- * leapt. */
+/* A frame is about to be taken, and the samples that arrived before it are in the history: the stamps follow a clock
+ * that leapt. */
 void samples_follow_clock(imu_samples *s, int64_t frame_ns);
 
 /* The mounting turns by exp(mounting) and stamps come later_ns later, for the history as well. */

@@ -24,9 +24,10 @@ void stillness_age(stillness *w, double seconds) {
     w->gyro_bias_sigma = sqrt(w->gyro_bias_sigma * w->gyro_bias_sigma + BIAS_AGE * BIAS_AGE * seconds);
 }
 
-/* Over windows, so that white noise averages out, the gyroscope at rest reads its bias and nothing else. Its mean is taken
- * over as long as the stillness lasts. */
-void stillness_add(stillness *w, const double gyro[3], const double accel[3], double period, double gyro_noise) {
+/* Over windows, so that white noise averages out, the gyroscope at rest reads its bias and nothing else. Its mean is
+ * taken over as long as the stillness lasts. */
+void stillness_add(stillness *w, const double gyro[3], const double accel[3], double period,
+                   double gyro_noise) {
     double before = w->samples;
     if (w->window_samples == 0 || w->window_samples * period > 10 * WINDOW) { /* or a gap */
         memset(w->window_gyro, 0, sizeof w->window_gyro);

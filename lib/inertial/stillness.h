@@ -9,8 +9,8 @@
 
 #define STILL_SECONDS 0.4 /* this long without motion is a still start */
 
-/* Sums over the stillness at hand, over the samples of it that have corrected the navigator, and over the window that is
- * being filled. */
+/* Sums over the stillness at hand, over the samples of it that have corrected the navigator, and over the window that
+ * is being filled. */
 typedef struct {
     int samples, used, window_samples;
     double gyro[3], accel[3], used_gyro[3];
@@ -28,7 +28,8 @@ void stillness_reset(stillness *w, double gyro_bias_sigma);
 void stillness_age(stillness *w, double seconds);
 
 /* The next sample, in camera axes. period: seconds between samples; gyro_noise: rad/s/sqrt(Hz). */
-void stillness_add(stillness *w, const double gyro[3], const double accel[3], double period, double gyro_noise);
+void stillness_add(stillness *w, const double gyro[3], const double accel[3], double period,
+                   double gyro_noise);
 
 /* There is motion, or a gap: the bias stays. */
 void stillness_end(stillness *w);

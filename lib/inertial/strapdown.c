@@ -21,16 +21,21 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     bool imu = n->usable && n->samples.count > 1 && !n->now.doubted;
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->samples.period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
-    navigator_noise noise = {
-        c->gyro_noise_rad_s_sqrthz, c->motion_sigma_m_s2 * sqrt(HAND_SECONDS), BIAS_WALK, ACCEL_WALK, 0, MAP_TURN_WALK,
-        MAP_WALK};
+    navigator_noise noise = {c->gyro_noise_rad_s_sqrthz,
+                             c->motion_sigma_m_s2 * sqrt(HAND_SECONDS),
+                             BIAS_WALK,
+                             ACCEL_WALK,
+                             0,
+                             MAP_TURN_WALK,
+                             MAP_WALK};
     bool inside = imu && i >= 0 && i + 1 < (int)n->samples.count;
     bool gap = inside && (double)(sample_at(&n->samples, (unsigned)(i + 1))->timestamp_ns -
                                   sample_at(&n->samples, (unsigned)i)->timestamp_ns) > 5e9 * period;
     bool near = false; /* just before the first sample or after the last */
     if (imu && i < 0) near = (double)sample_at(&n->samples, 0)->timestamp_ns - (double)early < 1.5e9 * period;
     if (imu && i + 1 == (int)n->samples.count)
-        near = (double)late - (double)sample_at(&n->samples, n->samples.count - 1)->timestamp_ns < 1.5e9 * period;
+        near = (double)late - (double)sample_at(&n->samples, n->samples.count - 1)->timestamp_ns <
+               1.5e9 * period;
     bool covered = (inside && !gap) || near;
     if (!covered) dt = fmin(dt, MAX_BLIND);
     /* the latest that is known of the rate: a sample, or the way between the last two poses */
@@ -47,7 +52,8 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
         for (int k = 0; k < 3; k++) gyro[k] = n->now.turning[k] + s->gyro_bias[k];
     }
     double coast = dt;
-    if (!covered) { /* the angle grows as motion_sigma_rad_s2 T^2 with the time T since the rate was known, however it is cut */
+    /* the angle grows as motion_sigma_rad_s2 T^2 with the time T since the rate was known, however it is cut */
+    if (!covered) {
         int64_t known = by_poses ? n->now.corrected_ns : sampled == INT64_MIN ? early : sampled;
         double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), MAX_BLIND);
         noise.turn = c->motion_sigma_rad_s2 * sqrt(pow(age + dt, 4) - pow(age, 4));
@@ -70,7 +76,8 @@ void navigate(inertial *n, navigator *s, int64_t to) {
     int64_t t = s->timestamp_ns;
     int i = samples_find(&n->samples, t);
     while (t < to) {
-        int64_t next = i + 1 < (int)n->samples.count ? sample_at(&n->samples, (unsigned)(i + 1))->timestamp_ns : to;
+        int64_t next =
+            i + 1 < (int)n->samples.count ? sample_at(&n->samples, (unsigned)(i + 1))->timestamp_ns : to;
         if (next > to) next = to;
         if (next > t) stretch(n, s, t, next, i, true);
         t = next;
@@ -90,7 +97,8 @@ void navigator_rest(inertial *n, navigator *s, int64_t timestamp_ns) {
     pose origin = pose_identity();
     const double none[3] = {0, 0, 0};
     s->timestamp_ns = timestamp_ns;
-    navigator_start(s, &origin, none, 0.5, n->samples.still.gyro_bias_sigma, n->config->accel_bias_sigma_m_s2, 1);
+    navigator_start(s, &origin, none, 0.5, n->samples.still.gyro_bias_sigma, n->config->accel_bias_sigma_m_s2,
+                    1);
     memcpy(s->gyro_bias, n->samples.still.gyro_bias, sizeof s->gyro_bias);
 }
 

@@ -4,8 +4,8 @@
 
 #include "inertial/inertial.h"
 
-/* Takes a state forward or back to another time over the samples of the history; where there are none the last velocity is
- * kept for as long as a hand keeps it. */
+/* Takes a state forward or back to another time over the samples of the history; where there are none the last velocity
+ * is kept for as long as a hand keeps it. */
 void navigate(inertial *n, navigator *s, int64_t to_ns);
 
 /* A state for when there is none: at rest somewhere, to be integrated from. */

@@ -1,11 +1,13 @@
-/* The recent past of the navigator: what measurements have made of it, so that one that comes late is applied in its turn. */
+/* The recent past of the navigator: what measurements have made of it, so that one that comes late is applied in its
+ * turn. */
 #ifndef FATHOM_TIMELINE_H
 #define FATHOM_TIMELINE_H
 
 #include "base/arena.h"
 #include "inertial/measurement.h"
 
-#define TIMELINE_MOMENTS 24 /* with a frame's pose and, at rest, two measurements of that: a quarter of a second at 30 Hz */
+/* with a frame's pose and, at rest, two measurements of that: a quarter of a second at 30 Hz */
+#define TIMELINE_MOMENTS 24
 #define TIMELINE_NS 1000000000 /* none is looked for further back than this: a bound on the samples to go over again */
 
 /* All that measurements change. */
@@ -44,8 +46,8 @@ void timeline_restart(timeline *t, const navigation *now);
 /* Index of the last moment at or before a stamp, or -1: none is so old, or it is too far back. */
 int timeline_find(const timeline *t, int64_t timestamp_ns);
 
-/* Makes room for a moment before the i-th (i = count: at the end), which is the caller's to fill in; the oldest goes when there
- * are too many. Returns its index. i >= 1. */
+/* Makes room for a moment before the i-th (i = count: at the end), which is the caller's to fill in; the oldest goes
+ * when there are too many. Returns its index. i >= 1. */
 int timeline_insert(timeline *t, int i);
 
 #endif

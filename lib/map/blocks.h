@@ -1,5 +1,5 @@
-/* Blocks of voxels in a fixed pool, found by a hash of their keys (Niessner et al. 2013). The voxel, the key and the hash
- * are described in opencl/layout.h. */
+/* Blocks of voxels in a fixed pool, found by a hash of their keys (Niessner et al. 2013). The voxel, the key and the
+ * hash are described in opencl/layout.h. */
 #ifndef FATHOM_BLOCKS_H
 #define FATHOM_BLOCKS_H
 
@@ -49,8 +49,8 @@ typedef struct {
     cl_uint mask;
 } volume_view;
 
-/* Waits for the device; voxels: those too (a device may have to copy them). False after an error; volume_unmap follows in any
- * case. */
+/* Waits for the device; voxels: those too (a device may have to copy them). False after an error; volume_unmap follows
+ * in any case. */
 bool volume_map(volume *v, device *d, cl_map_flags flags, bool voxels, volume_view *view);
 void volume_unmap(volume *v, device *d, volume_view *view);
 
@@ -60,7 +60,8 @@ cl_uint volume_entry(const volume_view *view, const cl_int4 *key);
 /* The place of a block, or -1. */
 int volume_place(const volume_view *view, const cl_int4 *key);
 
-/* Gives a new block the next place; there must be one, and the block must not be there yet. Its voxels stay as they were. */
+/* Gives a new block the next place; there must be one, and the block must not be there yet. Its voxels stay as they
+ * were. */
 int volume_add(volume *v, volume_view *view, const cl_int4 *key, int seen);
 
 /* Fills the table from the keys of the places in use. */

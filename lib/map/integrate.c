@@ -57,12 +57,13 @@ int integrator_request(integrator *g, device *d, volume *v, depth_maps *maps, co
     return wanted;
 }
 
-void integrator_mark_seen(integrator *g, device *d, volume *v, depth_maps *maps, const pose *camera_to_world) {
+void integrator_mark_seen(integrator *g, device *d, volume *v, depth_maps *maps,
+                          const pose *camera_to_world) {
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid rigid = kernel_rigid_of(&inverse);
     cl_int frame = g->frames + 1;
-    RUN(d, g->mark_seen, (size_t)v->pool.count, 1, 1, ARG(maps->camera[FINEST]), ARG(g->farthest.memory), ARG(rigid),
-        ARG(v->surface), ARG(v->pool.keys.memory), ARG(frame), ARG(v->pool.seen.memory));
+    RUN(d, g->mark_seen, (size_t)v->pool.count, 1, 1, ARG(maps->camera[FINEST]), ARG(g->farthest.memory),
+        ARG(rigid), ARG(v->surface), ARG(v->pool.keys.memory), ARG(frame), ARG(v->pool.seen.memory));
 }
 
 int integrator_allocate(integrator *g, device *d, volume *v) {

@@ -32,9 +32,9 @@ void integrator_clear(integrator *g);
 /* The number of frames that were ever fused: what a block's stamp in `seen` counts from is `before`. */
 int64_t integrator_generation(const integrator *g);
 
-/* Finds out which blocks the frame's surface needs and lacks; returns how many at most (neighbouring tiles may ask for the
- * same). calm: the camera has hardly moved since the frame before, and half of the frame will do, the other half with the
- * next one. */
+/* Finds out which blocks the frame's surface needs and lacks; returns how many at most (neighbouring tiles may ask for
+ * the same). calm: the camera has hardly moved since the frame before, and half of the frame will do, the other half
+ * with the next one. */
 int integrator_request(integrator *g, device *d, volume *v, depth_maps *maps, const pose *camera_to_world,
                        bool calm);
 
@@ -47,8 +47,8 @@ int integrator_allocate(integrator *g, device *d, volume *v);
 /* Queues the clearing of blocks: nothing seen. */
 void integrator_clear_blocks(integrator *g, device *d, volume *v, int first, int count);
 
-/* Queues the fusion of the frame. calm: the camera has hardly moved since the frame before, and of the blocks that aren't
- * new half will do, the other half with the next frame. */
+/* Queues the fusion of the frame. calm: the camera has hardly moved since the frame before, and of the blocks that
+ * aren't new half will do, the other half with the next frame. */
 void integrator_fuse(integrator *g, device *d, volume *v, depth_maps *maps, const pose *camera_to_world,
                      bool calm);
 

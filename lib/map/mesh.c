@@ -24,14 +24,14 @@ void mesher_close(mesher *m) {
     for (int i = 0; i < 4; i++) device_buffer_free(buffers[i]);
 }
 
-/* ---- triangles ---------------------------------------------------------------------------------------------------------- */
+/* ---- triangles --------------------------------------------------------------------------------------------------- */
 
 static bool count(mesh_walk *w, mesher *m, device *d) {
     volume *v = w->volume;
     const int blocks = w->end - w->next < MESH_BATCH ? w->end - w->next : MESH_BATCH;
     cl_int from = w->next;
-    RUN(d, m->count, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory), ARG(w->surface),
-        ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->counts.memory));
+    RUN(d, m->count, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory),
+        ARG(w->surface), ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->counts.memory));
     cl_int *mapped = device_map(d, &m->counts, CL_MAP_READ);
     if (mapped) memcpy(w->counts, mapped, (size_t)blocks * sizeof *mapped);
     device_unmap(d, &m->counts, mapped);
@@ -70,7 +70,8 @@ void mesh_walk_start(mesh_walk *w, volume *v, float min_weight, int next) {
     w->counted = 0;
 }
 
-int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles, void *user) {
+int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles,
+                   void *user) {
     if (capacity > MESH_TRIANGLES) capacity = MESH_TRIANGLES;
     while (w->next < w->end) {
         if (w->next == w->from + w->counted && !count(w, m, d)) return d->error;
@@ -79,8 +80,8 @@ int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_
         while (i < w->counted && sum + w->counts[i] <= capacity) sum += w->counts[i++];
         w->next = w->from + i;
         if (sum > 0)
-            return emit(m, d, w->volume, &w->surface, w->from + first, i - first, w->counts + first, sum, triangles,
-                        user);
+            return emit(m, d, w->volume, &w->surface, w->from + first, i - first, w->counts + first, sum,
+                        triangles, user);
         if (i < w->counted) break;
     }
     return d->error;

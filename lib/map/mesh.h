@@ -29,9 +29,10 @@ typedef struct {
 /* From a place on. min_weight: as in fathom_extract_mesh. */
 void mesh_walk_start(mesh_walk *w, volume *v, float min_weight, int next);
 
-/* Hands over the triangles of the next blocks, at most `capacity` of them. Returns their number; 0 at the end, or when the
- * next block has more (w->next tells); or an error. */
-int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles, void *user);
+/* Hands over the triangles of the next blocks, at most `capacity` of them. Returns their number; 0 at the end, or when
+ * the next block has more (w->next tells); or an error. */
+int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles,
+                   void *user);
 
 /* Runs both kernels on the first block. */
 void mesh_warm_up(mesher *m, device *d, volume *v);

@@ -9,7 +9,8 @@ typedef struct {
     int64_t put, restored, lost; /* blocks */
 } caller_store;
 
-/* Takes what config names; without a store, nothing is kept. False when its struct_size is no size, or a later library's. */
+/* Takes what config names; without a store, nothing is kept. False when its struct_size is no size, or a later
+ * library's. */
 bool store_init(caller_store *s, const fathom_config *config);
 
 /* Hands a block over. */

@@ -13,7 +13,7 @@ void viewer_init(viewer *w, device *d, arena *a, const depth_maps *maps);
 void viewer_close(viewer *w);
 
 /* Each of depth and normals may be NULL. */
-int view_render(viewer *part, device *d, raycaster *r, const fathom_view *view, const pose *camera_to_world, float *depth,
-                float *normals);
+int view_render(viewer *part, device *d, raycaster *r, const fathom_view *view, const pose *camera_to_world,
+                float *depth, float *normals);
 
 #endif

@@ -23,9 +23,11 @@ typedef struct {
 void whole_mesh_init(volume *patch, device *d, arena *a, const fathom_config *config);
 void whole_mesh_close(volume *patch);
 
-/* Hands over the triangles of whole blocks from a place on, at most `capacity` (a block has CASE_TRIANGLES * BLOCK_VOXELS
- * at most): first the store's blocks that aren't in the pool, then the pool's. Moves the place on. Returns the number of
- * triangles (0: the end), or an error: FATHOM_ERROR_ARGUMENT where the store names a block beyond what can be counted. */
-int64_t whole_mesh_pull(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles, void *user);
+/* Hands over the triangles of whole blocks from a place on, at most `capacity` (a block has CASE_TRIANGLES *
+ * BLOCK_VOXELS at most): first the store's blocks that aren't in the pool, then the pool's. Moves the place on. Returns
+ * the number of triangles (0: the end), or an error: FATHOM_ERROR_ARGUMENT where the store names a block beyond what
+ * can be counted. */
+int64_t whole_mesh_pull(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles,
+                        void *user);
 
 #endif

@@ -1,6 +1,6 @@
 /* Checks that run the kernels of opencl/ on a device and compare what they write with the reference (reference.h): on
- * random images of odd sizes, on all-invalid frames, at edges and limits. fathom_selftest and tests/unit/cl/test_kernels.c run
- * them. They allocate from the heap. */
+ * random images of odd sizes, on all-invalid frames, at edges and limits. fathom_selftest and
+ * tests/unit/cl/test_kernels.c run them. They allocate from the heap. */
 #ifndef FATHOM_KERNEL_CHECKS_H
 #define FATHOM_KERNEL_CHECKS_H
 
@@ -9,8 +9,8 @@
 
 typedef struct {
     const char *name; /* the kernel's, or what it is about */
-    /* Runs on an open device. small: few pixels, and buffers without a byte too many, for Oclgrind. why: one line on what
-     * failed, or why it was skipped; else empty. */
+    /* Runs on an open device. small: few pixels, and buffers without a byte too many, for Oclgrind. why: one line on
+     * what failed, or why it was skipped; else empty. */
     fathom_check (*run)(device *d, bool small, char *why, size_t size);
     bool wide; /* its kernel is another one where WIDE is another (opencl/common.cl) */
 } kernel_check;
@@ -18,12 +18,12 @@ typedef struct {
 extern const kernel_check kernel_checks[];
 extern const int kernel_check_count;
 
-/* How the kernels are built: as the device has them, as for a CPU with vectors of eight where it has sixteen and the other
- * way round (WIDE), or as for a GPU (LANES=1, WIDE=1, GROUP=64). A CPU can do all of them. */
+/* How the kernels are built: as the device has them, as for a CPU with vectors of eight where it has sixteen and the
+ * other way round (WIDE), or as for a GPU (LANES=1, WIDE=1, GROUP=64). A CPU can do all of them. */
 typedef enum { SHAPE_OWN, SHAPE_OTHER, SHAPE_GPU } kernel_shape;
 
-/* Opens the device that the settings choose, for the checks. The settings must outlive it. FATHOM_OK or an error; nothing
- * stays open after one. */
+/* Opens the device that the settings choose, for the checks. The settings must outlive it. FATHOM_OK or an error;
+ * nothing stays open after one. */
 int kernel_checks_open(device *d, const fathom_config *config, kernel_shape shape);
 
 #endif

@@ -4,8 +4,8 @@
 
 #include "selftest/kernel_checks_bench.h"
 
-/* Relative to what a sum is made of before anything cancels. Five roundings (6e-8 each) a term; that they don't all point
- * the same way pays for adding some twenty terms up. Measured: 1e-7 holds on PoCL, 5e-8 doesn't. */
+/* Relative to what a sum is made of before anything cancels. Five roundings (6e-8 each) a term; that they don't all
+ * point the same way pays for adding some twenty terms up. Measured: 1e-7 holds on PoCL, 5e-8 doesn't. */
 #define SUM_TOLERANCE 3e-7
 
 void compare_align_reduce(bench *b, const float *depth, float *normals, const kernel_camera *c,

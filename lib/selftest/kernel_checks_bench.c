@@ -53,8 +53,8 @@ void *bench_alloc(size_t size) {
 
 /* ---- buffers -------------------------------------------------------------------------------------------------- */
 
-/* As the library makes them, and GUARD bytes longer; under Oclgrind exactly as long as asked, so that it sees a byte too
- * far. */
+/* As the library makes them, and GUARD bytes longer; under Oclgrind exactly as long as asked, so that it sees a byte
+ * too far. */
 cl_mem bench_buffer(bench *b, size_t size, const void *content) {
     if (b->count == BENCH_BUFFERS) {
         bench_fail(b, "more than %d buffers", BENCH_BUFFERS);
@@ -244,7 +244,7 @@ void bench_compare_bytes(bench *b, const char *what, const void *got, const void
         }
 }
 
-/* ---- a surface of blocks ------------------------------------------------------------------------------------------- */
+/* ---- a surface of blocks ----------------------------------------------------------------------------------------- */
 
 void bench_volume_make(bench_volume *v, int capacity, float voxel, float truncation) {
     memset(v, 0, sizeof *v);

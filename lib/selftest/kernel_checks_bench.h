@@ -35,7 +35,8 @@ void bench_fail(bench *b, const char *format, ...) __attribute__((format(printf,
 
 cl_mem bench_buffer(bench *b, size_t size, const void *content);
 void bench_read(bench *b, cl_mem memory, void *content, size_t size);
-/* A buffer with a model map (four floats a pixel); model becomes what is left of it after packing. NULL: not initialised. */
+/* A buffer with a model map (four floats a pixel); model becomes what is left of it after packing. NULL: not
+ * initialised. */
 cl_mem bench_model(bench *b, int count, float *model);
 void bench_read_model(bench *b, cl_mem memory, int count, float *model);
 void bench_free(bench *b);
@@ -78,7 +79,8 @@ typedef enum {
 float *bench_depth(bench *b, const kernel_camera *c, cl_float2 noise, image_kind kind);
 /* A padded plane whose pixels are all set to value and whose margin is zero. */
 float *bench_plane(const kernel_camera *c, int planes, float value);
-/* Sizes that are no multiples of eight or of tiles, and some that are; widths whose last sixteen are filled to various parts. */
+/* Sizes that are no multiples of eight or of tiles, and some that are; widths whose last sixteen are filled to various
+ * parts. */
 typedef struct {
     int width, height;
 } image_size;

@@ -99,7 +99,7 @@ fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) 
     return bench_end(&b);
 }
 
-/* ---- smooth_depth, halve_depth ------------------------------------------------------------------------------------ */
+/* ---- smooth_depth, halve_depth ----------------------------------------------------------------------------------- */
 
 void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, cl_float2 noise) {
     float *got = bench_plane(c, 1, UNWRITTEN), *want = bench_plane(c, 1, 0);
@@ -132,7 +132,7 @@ void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, cl
     free(doubt);
 }
 
-/* ---- normal_map ----------------------------------------------------------------------------------------------------- */
+/* ---- normal_map -------------------------------------------------------------------------------------------------- */
 
 void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, cl_float2 noise) {
     float *got = bench_plane(c, 4, UNWRITTEN), *want = bench_plane(c, 4, 0);
@@ -161,7 +161,7 @@ void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, cl
     free(doubt);
 }
 
-/* ---- pack_map, halve_map --------------------------------------------------------------------------------------------- */
+/* ---- pack_map, halve_map ----------------------------------------------------------------------------------------- */
 
 void compare_pack_map(bench *b, const float *depth, const float *normals, const kernel_camera *c) {
     int count = c->width * c->height;
@@ -210,7 +210,7 @@ void compare_halve_map(bench *b, const float *fine, const kernel_camera *f) {
     free(doubt);
 }
 
-/* ---- checks ------------------------------------------------------------------------------------------------------------ */
+/* ---- checks ------------------------------------------------------------------------------------------------------ */
 
 /* Runs the function on images of every kind and size. */
 static fathom_check on_images(device *d, bool small, char *why, size_t size,

@@ -17,8 +17,8 @@ static cl_mem make_ranges(bench *b, bench_volume *v, const kernel_camera *c,
                           const kernel_rigid *world_to_camera, float near_m, float far_m) {
     cl_mem ranges = bench_buffer(b, (size_t)tiles_of(c) * 2 * sizeof(float), NULL);
     LAUNCH(b, "clear_ranges", (size_t)tiles_of(c), 1, 0, ARG(ranges));
-    LAUNCH(b, "range_blocks", (size_t)v->count, 1, 1, ARG(v->blocks_memory), ARG(v->surface), ARG(*c), ARG(*world_to_camera),
-           ARG(near_m), ARG(far_m), ARG(ranges));
+    LAUNCH(b, "range_blocks", (size_t)v->count, 1, 1, ARG(v->blocks_memory), ARG(v->surface), ARG(*c),
+           ARG(*world_to_camera), ARG(near_m), ARG(far_m), ARG(ranges));
     return ranges;
 }
 
@@ -74,8 +74,8 @@ fathom_check check_range_blocks(device *d, bool small, char *why, size_t size) {
 
 /* ---- raycast ----------------------------------------------------------------------------------------------------- */
 
-/* Surface or not is sure where a pixel's neighbours agree with it and the ray isn't grazing; elsewhere the outcome hangs
- * on where a ray's samples happen to fall. 1: a surface, 0: none, -1: not sure. */
+/* Surface or not is sure where a pixel's neighbours agree with it and the ray isn't grazing; elsewhere the outcome
+ * hangs on where a ray's samples happen to fall. 1: a surface, 0: none, -1: not sure. */
 static int sure_surface(const float *model, const kernel_camera *c, int x, int y, double voxel) {
     const float *m = model + 4 * (y * c->width + x);
     for (int k = 0; k < 9; k++) {
@@ -89,8 +89,8 @@ static int sure_surface(const float *model, const kernel_camera *c, int x, int y
     return -(m[0] * u + m[1] * v + m[2]) / sqrt(u * u + v * v + 1) > 0.3 ? 1 : -1;
 }
 
-/* A ray's crossing is found by interpolation between samples most of a voxel apart: to a twentieth of a voxel. The shape
- * itself is sampled at voxels and stored to 1/32767: another twentieth where it bends. */
+/* A ray's crossing is found by interpolation between samples most of a voxel apart: to a twentieth of a voxel. The
+ * shape itself is sampled at voxels and stored to 1/32767: another twentieth where it bends. */
 #define HIT_TOLERANCE 0.05
 
 /* How far a hit lies off the true shape, in voxels. */
@@ -179,7 +179,8 @@ void compare_raycast(bench *b, bench_volume *v, const bench_view *view) {
     free(doubt);
 }
 
-/* What a camera would measure of the volume, with errors of up to 6 cm, holes, and a place that the surface is far from. */
+/* What a camera would measure of the volume, with errors of up to 6 cm, holes, and a place that the surface is far
+ * from. */
 static float *scan_of(bench *b, bench_volume *v, const bench_view *view) {
     const kernel_camera *c = &view->c;
     float *scan = bench_plane(c, 1, 0), *full = bench_alloc((size_t)c->width * (size_t)c->height * 16);
@@ -252,7 +253,7 @@ fathom_check check_raycast_near(device *d, bool small, char *why, size_t size) {
     return raycasts(d, small, why, size, true);
 }
 
-/* ---- triangles ------------------------------------------------------------------------------------------------------ */
+/* ---- triangles --------------------------------------------------------------------------------------------------- */
 
 void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit) {
     kernel_surface f = v->surface;

@@ -18,8 +18,8 @@ static bool listed(const cl_int4 *list, int count, const cl_int4 *block) {
     return false;
 }
 
-/* Each missing block that a tile's rays meet is asked for by it or by an earlier tile of the same work-item, unless slots
- * ran out on the way; nothing else is, nor anything twice. */
+/* Each missing block that a tile's rays meet is asked for by it or by an earlier tile of the same work-item, unless
+ * slots ran out on the way; nothing else is, nor anything twice. */
 static void compare_tile(bench *b, const cl_int4 *requests, const int *counts, int tile, int tiles_x,
                          int sharing, const cl_int4 *met, int met_count, ref_volume *v) {
     const cl_int4 *slots = requests + tile * TILE_SLOTS;
@@ -135,7 +135,7 @@ fathom_check check_request_blocks(device *d, bool small, char *why, size_t size)
     return bench_end(&b);
 }
 
-/* ---- clear_blocks, clear_ranges ----------------------------------------------------------------------------------- */
+/* ---- clear_blocks, clear_ranges ---------------------------------------------------------------------------------- */
 
 fathom_check check_clear_blocks(device *d, bool small, char *why, size_t size) {
     enum { BLOCKS = 7 };
@@ -172,9 +172,10 @@ fathom_check check_clear_ranges(device *d, bool small, char *why, size_t size) {
     return bench_end(&b);
 }
 
-/* ---- pack_planes ---------------------------------------------------------------------------------------------------- */
+/* ---- pack_planes ------------------------------------------------------------------------------------------------- */
 
-/* Roundings of single precision beside those of the packing: n is rounded near 8192, whose neighbours are 1e-3 apart. */
+/* Roundings of single precision beside those of the packing: n is rounded near 8192, whose neighbours are 1e-3
+ * apart. */
 #define TIE_SLACK 6e-4
 
 void compare_pack_planes(bench *b, const float *depth, const float *normals, const kernel_camera *c,
@@ -237,7 +238,7 @@ fathom_check check_pack_planes(device *d, bool small, char *why, size_t size) {
     return bench_end(&b);
 }
 
-/* ---- fuse_blocks ---------------------------------------------------------------------------------------------------- */
+/* ---- fuse_blocks ------------------------------------------------------------------------------------------------- */
 
 /* Blocks that a frame said something about carry its number; those whose turn it wasn't don't. */
 static void compare_seen(bench *b, const int *seen, const uint8_t *outcomes, int block, int frame,
@@ -330,8 +331,8 @@ fathom_check check_fuse_blocks(device *d, bool small, char *why, size_t size) {
     bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS; i++) {
-        /* The kernel leaves out blocks out of view by a sphere against the frustum, which is generous by a pixel or so: a
-         * picture of one pixel isn't what it's for (fathom_config takes 16 and more). */
+        /* The kernel leaves out blocks out of view by a sphere against the frustum, which is generous by a pixel or so:
+         * a picture of one pixel isn't what it's for (fathom_config takes 16 and more). */
         if (sizes[i % count].width < 16) continue;
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
         float *depth = bench_depth(&b, &c, bench_noise, (image_kind)(i / count));

@@ -80,8 +80,8 @@ double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3])
 
 /* The largest depth of each tile. */
 void ref_tile_farthest(const float *depth, const kernel_camera *c, float *farthest);
-/* The blocks within the truncation band that the rays of a tile's sampled pixels meet, each once, whether they are there
- * already or not; w: 1, or 0 where rounding decides. Returns how many, or -1 when there are more than most. */
+/* The blocks within the truncation band that the rays of a tile's sampled pixels meet, each once, whether they are
+ * there already or not; w: 1, or 0 where rounding decides. Returns how many, or -1 when there are more than most. */
 int ref_met_blocks(const float *depth, const kernel_camera *c, const kernel_rigid *camera_to_world,
                    double block_m, double truncation, int tile, cl_int4 *met, int most);
 void ref_clear_blocks(int first, int count, int16_t *voxels);
@@ -95,8 +95,8 @@ typedef struct {
 ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, cl_float2 noise,
                        int x, int y);
 #define REF_WEIGHT_BITS 511u
-/* To eight bytes, and back. First: n (ref_pack_normal). Second: w, a float whose last nine bits are the weight. w holds the
- * same point with the n that is packed. */
+/* To eight bytes, and back. First: n (ref_pack_normal). Second: w, a float whose last nine bits are the weight. w holds
+ * the same point with the n that is packed. */
 cl_uint2 ref_pack_plane(const ref_plane *plane);
 ref_plane ref_unpack_plane(cl_uint2 packed);
 /* Of a whole picture, row by row. */

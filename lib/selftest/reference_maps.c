@@ -50,7 +50,8 @@ static double metric_depth(const uint16_t *raw, const kernel_depth_source *s, in
     if (s->lens) { /* OpenCV's order */
         double u = (x - (double)s->cx) / s->fx, v = (y - (double)s->cy) / s->fy, r2 = u * u + v * v;
         double radial = 1 + s->k1 * r2 + s->k2 * r2 * r2 + s->k3 * r2 * r2 * r2;
-        if (s->lens == FATHOM_LENS_RATIONAL) radial /= 1 + s->k4 * r2 + s->k5 * r2 * r2 + s->k6 * r2 * r2 * r2;
+        if (s->lens == FATHOM_LENS_RATIONAL)
+            radial /= 1 + s->k4 * r2 + s->k5 * r2 * r2 + s->k6 * r2 * r2 * r2;
         double seen_u = u * radial + 2 * s->p1 * u * v + s->p2 * (r2 + 2 * u * u);
         double seen_v = v * radial + s->p1 * (r2 + 2 * v * v) + 2 * s->p2 * u * v;
         double column = seen_u * s->fx + s->cx + 0.5, row = seen_v * s->fy + s->cy + 0.5;
@@ -66,7 +67,8 @@ static double metric_depth(const uint16_t *raw, const kernel_depth_source *s, in
     return z >= s->min_m && z <= s->max_m ? z : 0;
 }
 
-/* The mean of those depths that belong to the nearest surface among them: up to 4 sigma and a share of the depth behind. */
+/* The mean of those depths that belong to the nearest surface among them: up to 4 sigma and a share of the depth
+ * behind. */
 static double mean_of_nearest(const double *z, int count, cl_float2 noise, double share, bool *doubt) {
     double nearest = INFINITY, sum = 0;
     int kept = 0;
@@ -184,7 +186,7 @@ void ref_normal_map(const float *depth, const kernel_camera *c, cl_float2 noise,
         }
 }
 
-/* ---- model maps --------------------------------------------------------------------------------------------------- */
+/* ---- model maps -------------------------------------------------------------------------------------------------- */
 
 static const double most[3] = {1023, 1023, 511.5};
 static const int bits[3] = {11, 11, 10}, from[3] = {21, 10, 0};

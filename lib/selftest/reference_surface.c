@@ -29,8 +29,8 @@ static void widen(const double low[2], const double high[2], double near_z, doub
         }
 }
 
-/* A block counts in every tile that the rectangle about its corners' pictures touches, one pixel wider on each side, and
- * two voxels wider in depth. */
+/* A block counts in every tile that the rectangle about its corners' pictures touches, one pixel wider on each side,
+ * and two voxels wider in depth. */
 void ref_range_blocks(const cl_int4 *blocks, int count, const kernel_camera *c,
                       const kernel_rigid *world_to_camera, double voxel, double near_m, double far_m,
                       float *sure, float *widest) {
@@ -135,7 +135,7 @@ void ref_raycast_near(ref_volume *v, const kernel_camera *c, const kernel_rigid 
     }
 }
 
-/* ---- marching cubes ------------------------------------------------------------------------------------------------ */
+/* ---- marching cubes ---------------------------------------------------------------------------------------------- */
 
 /* Corner k of a cube stands at (k & 1, k >> 1 & 1, k >> 2); an edge goes up one axis from its lower corner. */
 static void edge_corners(int edge, int *low, int *high) {

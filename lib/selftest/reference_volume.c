@@ -183,7 +183,7 @@ void ref_clear_blocks(int first, int count, int16_t *voxels) {
         voxels[i] = i % (2 * BLOCK_VOXELS) < BLOCK_VOXELS ? REF_NEVER_SEEN : 0;
 }
 
-/* ---- planes ------------------------------------------------------------------------------------------------------- */
+/* ---- planes ------------------------------------------------------------------------------------------------------ */
 
 #define MOST_WEIGHT (4 * WEIGHT_ONE)
 
@@ -245,13 +245,13 @@ void ref_pack_planes(const float *depth, const float *normals, const kernel_came
     }
 }
 
-/* ---- fusion ------------------------------------------------------------------------------------------------------- */
+/* ---- fusion ------------------------------------------------------------------------------------------------------ */
 
 #define PLACE_SLACK 1e-6 /* a voxel's place in camera axes, metres; of that, what it makes in the picture */
 
-/* One voxel's running average (Curless and Levoy 1996, eq. 1 and 2) of its distance to the plane that its pixel stands for,
- * unless it lies a truncation or more behind that, straight or along its own ray. False where the frame says nothing about
- * the voxel. */
+/* One voxel's running average (Curless and Levoy 1996, eq. 1 and 2) of its distance to the plane that its pixel stands
+ * for, unless it lies a truncation or more behind that, straight or along its own ray. False where the frame says
+ * nothing about the voxel. */
 static bool fuse_voxel(const cl_uint2 *planes, const kernel_camera *c, const double p[3], double truncation,
                        double max_weight, int16_t *distance, uint16_t *weight, bool *doubt) {
     if (!ref_below(0.1, p[2], 1e-5, doubt)) return false;

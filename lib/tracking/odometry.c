@@ -19,8 +19,8 @@ void odometry_start(odometry *o, const pose *first) {
     o->tracked = true;
 }
 
-/* Motions from aligned pose to aligned pose multiply to the way from the first of them to the last, and only the errors of
- * those two are left: each joins what lies behind where motions change from inertia's to alignment's or back. */
+/* Motions from aligned pose to aligned pose multiply to the way from the first of them to the last, and only the errors
+ * of those two are left: each joins what lies behind where motions change from inertia's to alignment's or back. */
 void odometry_advance(odometry *o, const pose *motion, const double motion_covariance[36], const pose *in_map,
                       const double in_map_covariance[36], bool tracked, double seconds) {
     bool by_alignment = tracked && o->tracked;

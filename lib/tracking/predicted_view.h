@@ -1,5 +1,5 @@
-/* What the surface says that a camera should see, on the coarsest maps that still tell enough: for the verdict and for the
- * search. */
+/* What the surface says that a camera should see, on the coarsest maps that still tell enough: for the verdict and for
+ * the search. */
 #ifndef FATHOM_MODEL_VIEW_H
 #define FATHOM_MODEL_VIEW_H
 
@@ -13,8 +13,9 @@ typedef struct {
     float near_m, far_m;
 } model_view;
 
-/* A frame held against the surface as it should look from a pose: sums over the pixels of the view's level, each counting
- * by the root of its confidence (that of alignment), one at most, so that a noisy background doesn't outvote what is near. */
+/* A frame held against the surface as it should look from a pose: sums over the pixels of the view's level, each
+ * counting by the root of its confidence (that of alignment), one at most, so that a noisy background doesn't outvote
+ * what is near. */
 typedef struct {
     float visible; /* where the surface should be seen, and the frame sees something */
     float agree;   /* of these: within the tolerance of each other, across the surface */

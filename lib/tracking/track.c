@@ -17,8 +17,8 @@
 #define STAYS_M 0.002     /* a round that moves the pose by less has settled it */
 #define STAYS_RAD 0.002
 
-void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, raycaster *r,
-                  inertial *n) {
+void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps,
+                  raycaster *r, inertial *n) {
     memset(t, 0, sizeof *t);
     t->config = config;
     t->device = d;
@@ -44,8 +44,8 @@ void tracker_reset(tracker *t) {
     t->drawn = 0;
 }
 
-/* Too little surface for enough pairs lies before the camera: there is no need to cast the fine maps. After a tracked frame
- * there is enough. */
+/* Too little surface for enough pairs lies before the camera: there is no need to cast the fine maps. After a tracked
+ * frame there is enough. */
 static bool nothing_in_view(tracker *t, const pose *start) {
     const kernel_camera *c = &t->maps->camera[FINEST];
     double pixels = (double)c->width * c->height;
@@ -62,12 +62,12 @@ static void leave(const tracker *t, const pose *at, attempt *a) {
     a->verdict = has_depth(t->valid) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
 }
 
-/* The surface as it looks from there, near the scan. thorough: also where it is further from the scan than the truncation; a
- * good seed doesn't need that. */
+/* The surface as it looks from there, near the scan. thorough: also where it is further from the scan than the
+ * truncation; a good seed doesn't need that. */
 static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m, bool thorough) {
     model_maps *m = &t->models;
-    raycast_near(t->raycaster, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m), thorough,
-                        &m->level[FINEST]);
+    raycast_near(t->raycaster, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m),
+                 thorough, &m->level[FINEST]);
     raycast_halve(t->raycaster, t->device, t->maps->camera, m->level, coarsest);
     device_wait(t->device);
     model_maps_renew(m, from, coarsest);
@@ -109,13 +109,14 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
         return;
     }
     align_scan(t, start, prior, seeded, &a->icp);
-    /* maps cast from a start that was far off show another part of the surface: another round from where the first has led;
-     * from a place that the search proposes, which is rough, until the pose stays */
+    /* maps cast from a start that was far off show another part of the surface: another round from where the first has
+     * led; from a place that the search proposes, which is rough, until the pose stays */
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && a->icp.pairs > 0;
     bool proposed = start != &prior->mean;
     pose led = *start;
     for (int i = 0; recast && i < (proposed ? MAX_ROUNDS : 1); i++) {
-        if (proposed ? stays(&led, &a->icp.motion) : model_maps_hold(&t->models, &a->icp.motion, FINEST)) break;
+        if (proposed ? stays(&led, &a->icp.motion) : model_maps_hold(&t->models, &a->icp.motion, FINEST))
+            break;
         led = a->icp.motion;
         align_scan(t, &led, prior, false, &a->icp);
     }
@@ -124,8 +125,8 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
     t->cost.ms_raycast += now_ms() - began;
 }
 
-/* While the IMU isn't known to be right, the frame is aligned from where the last velocity leads too, with that as its prior, and
- * what fits the surface clearly better is taken. */
+/* While the IMU isn't known to be right, the frame is aligned from where the last velocity leads too, with that as its
+ * prior, and what fits the surface clearly better is taken. */
 static void second_attempt(tracker *t, const pose *seed, int64_t timestamp_ns, attempt *icp) {
     align_prior guess;
     attempt other = *icp;
@@ -144,8 +145,8 @@ static void search(tracker *t, const align_prior *seed, attempt *icp) {
         covariance_position_sigma(seed->covariance) < SEARCH_SIGMA_M)
         return;
     double began = now_ms();
-    int found = search_about(&t->aligner, t->device, t->maps, &t->view, t->raycaster, &seed->mean, seed->covariance,
-                             &t->drawn, best);
+    int found = search_about(&t->aligner, t->device, t->maps, &t->view, t->raycaster, &seed->mean,
+                             seed->covariance, &t->drawn, best);
     icp->searched = true;
     t->cost.ms_align += now_ms() - began;
     for (int i = 0; i < found; i++) {
@@ -184,5 +185,6 @@ void track_settle(tracker *t, fathom_state state, fathom_verdict verdict) {
 }
 
 void track_keep(tracker *t, const pose *at) {
-    if (t->config->against == FATHOM_AGAINST_PREVIOUS) model_maps_take_frame(&t->models, t->device, t->maps, at);
+    if (t->config->against == FATHOM_AGAINST_PREVIOUS)
+        model_maps_take_frame(&t->models, t->device, t->maps, at);
 }

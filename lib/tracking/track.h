@@ -1,5 +1,5 @@
-/* The line [rigidICP, tracking] = ICP(scan, M * d) of Figure 2: attempts to align the frame, each from a start of its own, until
- * one is to be trusted. The prior is what inertia says, wherever an attempt starts. */
+/* The line [rigidICP, tracking] = ICP(scan, M * d) of Figure 2: attempts to align the frame, each from a start of its
+ * own, until one is to be trusted. The prior is what inertia says, wherever an attempt starts. */
 #ifndef FATHOM_TRACK_H
 #define FATHOM_TRACK_H
 
@@ -30,15 +30,16 @@ typedef struct {
     tracking_cost cost;
 } tracker;
 
-void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, raycaster *r,
-                  inertial *n);
+void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps,
+                  raycaster *r, inertial *n);
 void tracker_close(tracker *t);
 void tracker_reset(tracker *t);
 
 /* Figure 2's line. The frame's maps are made; seed: M * d. True where *icp is to be trusted. Waits for the device. */
 bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, attempt *icp);
 
-/* One attempt: aligns from a start, and judges. seeded: with max_seeded_iterations. The frame is that of the last track(). */
+/* One attempt: aligns from a start, and judges. seeded: with max_seeded_iterations. The frame is that of the last
+ * track(). */
 void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool seeded, attempt *a);
 
 /* What became of the frame decides how hard the next one is looked for. */

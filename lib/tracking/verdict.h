@@ -35,15 +35,17 @@ fathom_verdict judge_view(const fathom_config *config, const comparison *k);
 /* Certainty of the found pose, inertia counted in: its covariance. */
 fathom_verdict judge_certainty(const fathom_config *config, const double covariance[36]);
 
-/* Innovation: how far the result lies from where it was expected. Floors are added to the prior's covariance, for inertia may be
- * better than they say, or just seem so. */
+/* Innovation: how far the result lies from where it was expected. Floors are added to the prior's covariance, for
+ * inertia may be better than they say, or just seem so. */
 void measure_innovation(const fathom_config *config, const align_prior *prior, attempt *a);
 
-/* From a good seed, with nearly all of the frame in pairs, and close to the seed: the predicted view can't say otherwise. */
+/* From a good seed, with nearly all of the frame in pairs, and close to the seed: the predicted view can't say
+ * otherwise. */
 bool evident(const fathom_config *config, double valid, const attempt *a);
 
-/* All of it. What is reported counts from the prior; the gate passes a result that lies as near to where a proposed place was
- * started from, for dead reckoning can be surer than it is right (docs/DESIGN.md, Search). Ray-casts the predicted view where that has a word in it; waits for the device then. */
+/* All of it. What is reported counts from the prior; the gate passes a result that lies as near to where a proposed
+ * place was started from, for dead reckoning can be surer than it is right (docs/DESIGN.md, Search). Ray-casts the
+ * predicted view where that has a word in it; waits for the device then. */
 void judge(const fathom_config *config, model_view *view, device *d, depth_maps *maps, raycaster *r,
            const pose *start, const align_prior *prior, double valid, attempt *a);
 

@@ -10,8 +10,8 @@ double angle_of(const double map[9]); /* of a rotation, 0..pi */
 /* The k-th of the 48 signed permutations; returns how unlikely a mistake it is. */
 int signed_permutation(int k, double map[9]);
 
-/* The likeliest signed permutation: the simplest of those that leave hardly more unexplained than the best does. Returns
- * its sum; *rivals: number of others that are as simple. */
+/* The likeliest signed permutation: the simplest of those that leave hardly more unexplained than the best does.
+ * Returns its sum; *rivals: number of others that are as simple. */
 double best_permutation(const double gw[9], double scatter, double best_map[9], int *rivals);
 
 /* The rotation R with the largest sum of R .* m, which is returned (Horn 1987). */

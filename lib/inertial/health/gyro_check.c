@@ -37,8 +37,8 @@ static moments without_bias(const plausibility *p) {
     return m;
 }
 
-/* Correlation of both turning speeds when the stamps of samples run `scale` times as fast and come `delay` late; *gain: the
- * gyroscope's speed over alignment's. 0 where too little overlaps. */
+/* Correlation of both turning speeds when the stamps of samples run `scale` times as fast and come `delay` late; *gain:
+ * the gyroscope's speed over alignment's. 0 where too little overlaps. */
 static double correlation(const plausibility *p, double scale, double delay, double *gain) {
     const plausibility_profile *a = &p->seen, *b = &p->read;
     double n = 0, x = 0, y = 0, xx = 0, yy = 0, xy = 0, origin = (double)p->origin_ns / BIN_NS;

@@ -1,4 +1,5 @@
-/* Feeds inertial/health/plausibility.c with what samples and alignment say of the same stretches of time, and acts on what it finds. */
+/* Feeds inertial/health/plausibility.c with what samples and alignment say of the same stretches of time, and acts on
+ * what it finds. */
 #include <math.h>
 #include <string.h>
 
@@ -44,8 +45,8 @@ static void turn_on(const inertial *n, const double rate[3], double dt, bool fir
     for (int k = 0; k < 3; k++) w->by_bias[4 * k] += dt;
 }
 
-/* Integrates samples over [e->from_ns, e->to_ns], the camera turning evenly by `turn` from r on. w: the gyroscope's turn
- * alone, by its own rate. False where samples are missing. */
+/* Integrates samples over [e->from_ns, e->to_ns], the camera turning evenly by `turn` from r on. w: the gyroscope's
+ * turn alone, by its own rate. False where samples are missing. */
 static bool integrate(const inertial *n, const double r[9], const double turn[3], plausibility_interval *e,
                       rig_interval *w) {
     double rate[3] = {0, 0, 0}, force[3] = {0, 0, 0}, whole = (double)(e->to_ns - e->from_ns);
@@ -55,9 +56,11 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
     if (i == 0 || n->samples.count < 2) return false;
     e->has_force = true;
     for (int64_t t = e->from_ns; t < e->to_ns; i++) {
-        const inertial_sample *a = sample_at(&n->samples, i - 1), *b = i < n->samples.count ? sample_at(&n->samples, i) : NULL;
+        const inertial_sample *a = sample_at(&n->samples, i - 1),
+                              *b = i < n->samples.count ? sample_at(&n->samples, i) : NULL;
         int64_t next = b && b->timestamp_ns < e->to_ns ? b->timestamp_ns : e->to_ns;
-        if ((b ? b->timestamp_ns : next) - a->timestamp_ns > (b ? longest : 2 * n->samples.period_ns)) return false;
+        if ((b ? b->timestamp_ns : next) - a->timestamp_ns > (b ? longest : 2 * n->samples.period_ns))
+            return false;
         double dt = 1e-9 * (double)(next - t),
                middle = 0.5 * ((double)(t - e->from_ns) + (double)(next - e->from_ns));
         double f = b ? (middle - (double)(a->timestamp_ns - e->from_ns)) /
@@ -88,10 +91,12 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
     return true;
 }
 
-/* What alignment, gyroscope and accelerometer say of the way from one frame to another. False where they can't be compared. */
+/* What alignment, gyroscope and accelerometer say of the way from one frame to another. False where they can't be
+ * compared. */
 static bool compare(const inertial *n, const pose *base, const pose *aligned, plausibility_interval *e,
                     rig_interval *w) {
-    pose way = pose_between(base, aligned), from = inertial_imu_pose(n, base), to = inertial_imu_pose(n, aligned);
+    pose way = pose_between(base, aligned), from = inertial_imu_pose(n, base),
+         to = inertial_imu_pose(n, aligned);
     double turn[3], half[3], part[9];
     if (e->to_ns - e->from_ns >= INTERVAL_MOST_NS || pose_angle(&way) >= INTERVAL_TURN) return false;
     so3_log(way.r, turn);
@@ -122,7 +127,9 @@ static void add_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns)
 
 /* The awaited pose, once the samples reach it. */
 static void use_awaited(inertial *n) {
-    if (!n->awaiting || n->samples.count == 0 || sample_at(&n->samples, n->samples.count - 1)->timestamp_ns < n->awaited_ns) return;
+    if (!n->awaiting || n->samples.count == 0 ||
+        sample_at(&n->samples, n->samples.count - 1)->timestamp_ns < n->awaited_ns)
+        return;
     plausibility_interval e = {.from_ns = n->refined_at_ns, .to_ns = n->awaited_ns};
     rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     bool good = e.from_ns != INT64_MIN && compare(n, &n->refined_at, &n->awaited, &e, &w);
@@ -182,9 +189,11 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
 bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess,
                            double covariance[36]) {
     const fathom_config *c = n->config;
-    if (!c->imu_check || !n->usable || n->samples.count < 2 || n->accepted_ns == INT64_MIN || c->inertial_hook)
+    if (!c->imu_check || !n->usable || n->samples.count < 2 || n->accepted_ns == INT64_MIN ||
+        c->inertial_hook)
         return false;
-    if (!plausibility_doubtful(&n->check, n->force_usable && isfinite(sample_at(&n->samples, n->samples.count - 1)->accel[0])) ||
+    if (!plausibility_doubtful(
+            &n->check, n->force_usable && isfinite(sample_at(&n->samples, n->samples.count - 1)->accel[0])) ||
         timestamp_ns - n->accepted_ns > GUESS_NS)
         return false;
     double dt = 1e-9 * (double)(timestamp_ns - n->accepted_ns), twist[6] = {0};

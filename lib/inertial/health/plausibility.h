@@ -1,11 +1,12 @@
-/* Is the IMU what the settings say? Its turning and specific force against those that alignment shows, in running sums: no
- * heap, a few hundred operations an interval. Pure arithmetic; inertial/health/inertial_check.c feeds it and acts on what it finds.
+/* Is the IMU what the settings say? Its turning and specific force against those that alignment shows, in running sums:
+ * no heap, a few hundred operations an interval. Pure arithmetic; inertial/health/inertial_check.c feeds it and acts on
+ * what it finds.
  *
- * All vectors are in the IMU's axes as the mounting in the settings has them, so that what is found is named in the axes
- * that the caller's driver fills. The methods: regression of the gyroscope's angle on alignment's, with a bias of its own;
- * the 48 signed permutations of axes and the best orthogonal map (Horn 1987) as explanations of a misfit; the correlation
- * of both turning speeds over delays and time scales; specific force turned into the world, which must keep its mean
- * (gravity) and give the changes of velocity that alignment shows. */
+ * All vectors are in the IMU's axes as the mounting in the settings has them, so that what is found is named in the
+ * axes that the caller's driver fills. The methods: regression of the gyroscope's angle on alignment's, with a bias of
+ * its own; the 48 signed permutations of axes and the best orthogonal map (Horn 1987) as explanations of a misfit; the
+ * correlation of both turning speeds over delays and time scales; specific force turned into the world, which must keep
+ * its mean (gravity) and give the changes of velocity that alignment shows. */
 #ifndef FATHOM_PLAUSIBILITY_H
 #define FATHOM_PLAUSIBILITY_H
 

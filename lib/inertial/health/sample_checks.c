@@ -111,8 +111,8 @@ void plausibility_frame(plausibility *p, int64_t timestamp_ns) {
     p->pace_sample_ns = p->last_ns;
 }
 
-/* An axis that says the same all the time while the camera turns: stuck, or at its limit. A reading that is constant because
- * the turning is so isn't either. */
+/* An axis that says the same all the time while the camera turns: stuck, or at its limit. A reading that is constant
+ * because the turning is so isn't either. */
 void judge_constant(plausibility *p, const plausibility_interval *e) {
     double seconds = 1e-9 * (double)(e->to_ns - e->from_ns), f = 0;
     for (int i = 0; i < 3; i++) f += e->force[i] * e->force[i];
