@@ -39,8 +39,8 @@ extern "C" {
  *   depth.txt        `t file`, files relative to the folder; greyscale PNGs of 16 bits, 0 and 65535 invalid.
  *                    Needed. A line that can't be read is an error. A frame whose stamp doesn't come after
  *                    the one before it is left out with a warning.
- *   calibration.txt  `fx fy cx cy [k1 k2 p1 p2 [k3]]`, pixels. Without it: 525 525 319.5 239.5 at 640x480,
- *                    scaled to the size.
+ *   calibration.txt  `fx fy cx cy [k1 k2 p1 p2 [k3 [k4 k5 k6]]]`, pixels. Without it: 525 525 319.5 239.5 at
+ *                    640x480, scaled to the size.
  *   imu.txt          `t gx gy gz ax ay az`, rad/s and m/s^2. Optional.
  *   groundtruth.txt  `t tx ty tz qx qy qz qw`, camera to world. Optional. In both, lines that can't be read,
  *                    aren't finite or go back in time are left out with one warning.

@@ -31,7 +31,8 @@ int fathom_sink_open(fathom_sink **sink, const char *uri, const fathom_sink_opti
     if (sink) *sink = NULL;
     if (options && !sized_in(&whole, sizeof whole, options)) return FATHOM_ERROR_ARGUMENT;
     if (!sink || !uri || !*uri) {
-        source_say(whole.log, whole.log_user, FATHOM_LOG_ERROR, "fathom_sink_open: NULL argument, or no name");
+        source_say(whole.log, whole.log_user, FATHOM_LOG_ERROR,
+                   "fathom_sink_open: NULL argument, or no name");
         return FATHOM_ERROR_ARGUMENT;
     }
     return folder_sink_open(sink, strncmp(uri, "folder:", 7) == 0 ? uri + 7 : uri, &whole);

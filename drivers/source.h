@@ -7,7 +7,8 @@
 /* A driver: a row in the table of source.c. */
 typedef struct {
     const char *name;
-    /* Calls found for each device, or once with kinds 0 to say what is missing. Returns the devices seen, or an error. */
+    /* Calls found for each device, or once with kinds 0 to say what is missing. Returns the devices seen, or an
+     * error. */
     int (*enumerate)(fathom_source_found found, void *user, fathom_log log, void *log_user);
     /* address: the uri after "name:". options: checked, and without zeros in kinds and capacities. */
     int (*open)(fathom_source **source, const char *address, const fathom_source_options *options);

@@ -52,8 +52,11 @@ static void count_missing(openni2_source *s, int index) {
 static void add_color(openni2_source *s, int64_t device_ns, source_slot *slot) {
     const int64_t apart_ns = s->color_ns - device_ns;
     slot->about.image = NULL;
-    if (!slot->color || !s->has_color || s->device.mode.fps <= 0 || llabs(apart_ns) > 750000000 / s->device.mode.fps) return;
-    memcpy(slot->color, s->color, 3 * (size_t)s->device.mode.resolutionX * (size_t)s->device.mode.resolutionY);
+    if (!slot->color || !s->has_color || s->device.mode.fps <= 0 ||
+        llabs(apart_ns) > 750000000 / s->device.mode.fps)
+        return;
+    memcpy(slot->color, s->color,
+           3 * (size_t)s->device.mode.resolutionX * (size_t)s->device.mode.resolutionY);
     slot->image.timestamp_ns = slot->about.timestamp_ns + apart_ns;
     slot->about.image = &slot->image;
 }

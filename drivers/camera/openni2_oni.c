@@ -1,8 +1,8 @@
 /*
- * An .oni recording is a header and records, all little-endian. A record is a header of 28 bytes (magic, type, node, size
- * of header and fields, size of the payload, position of the record it replaces), fields, payload. A property's fields are
- * a name and a value, each with its size before it; a frame's are a stamp in microseconds and a number; its payload is the
- * frame, compressed by the codec that its node (stream) names.
+ * An .oni recording is a header and records, all little-endian. A record is a header of 28 bytes (magic, type, node,
+ * size of header and fields, size of the payload, position of the record it replaces), fields, payload. A property's
+ * fields are a name and a value, each with its size before it; a frame's are a stamp in microseconds and a number; its
+ * payload is the frame, compressed by the codec that its node (stream) names.
  */
 #include "camera/openni2_oni.h"
 

@@ -1,5 +1,5 @@
-/* An .oni recording as a source. A thread feeds the queue: at the pace of the stamps, or, with speed 0, at the reader's own
- * pace, where nothing is dropped. */
+/* An .oni recording as a source. A thread feeds the queue: at the pace of the stamps, or, with speed 0, at the reader's
+ * own pace, where nothing is dropped. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -85,7 +85,8 @@ static int report_usb(fathom_source_found found, void *user, const openni2_devic
     const int plugged = openni2_usb_list("", cameras, MOST_DEVICES);
     int seen = 0;
     for (int i = 0; i < plugged; i++) {
-        fathom_source_info info = {.struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
+        fathom_source_info info = {
+            .struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
         if (lists_usb(devices, count, &cameras[i])) continue;
         snprintf(info.name, sizeof info.name, "%s (%04x:%04x)", cameras[i].name, (unsigned)cameras[i].vendor,
                  (unsigned)cameras[i].product);
@@ -100,7 +101,8 @@ static int report_devices(fathom_source_found found, void *user) {
     openni2_device devices[MOST_DEVICES];
     const int count = list_devices(devices, MOST_DEVICES);
     for (int i = 0; i < count; i++) {
-        fathom_source_info info = {.struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
+        fathom_source_info info = {
+            .struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
         snprintf(info.name, sizeof info.name, "%s", devices[i].name);
         info.error = probe(&devices[i], info.problem, sizeof info.problem);
         snprintf(info.uri, sizeof info.uri, "openni2:%.200s", devices[i].uri);
@@ -295,7 +297,8 @@ static int open_camera(openni2_source *s, const char *address) {
 
 static void find_camera(openni2_source *s) {
     const openni2_device *d = &s->device;
-    s->camera = camera_of_view(d->mode.resolutionX, d->mode.resolutionY, (double)d->fov[0], (double)d->fov[1]);
+    s->camera =
+        camera_of_view(d->mode.resolutionX, d->mode.resolutionY, (double)d->fov[0], (double)d->fov[1]);
     s->units_per_metre = d->mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM ? 10000 : 1000;
 }
 

@@ -61,8 +61,8 @@ typedef struct {
     size_t error_at;              /* byte of the item that was */
 } hid_descriptor;
 
-/* Returns false when the bytes aren't a descriptor that fits the numbers above; then error says what, and nothing else may
- * be used. Padding (fields without a usage) takes its room in reports and isn't listed. */
+/* Returns false when the bytes aren't a descriptor that fits the numbers above; then error says what, and nothing else
+ * may be used. Padding (fields without a usage) takes its room in reports and isn't listed. */
 bool hid_descriptor_parse(hid_descriptor *descriptor, const uint8_t *bytes, size_t length);
 
 /* Bytes of a report, with the number where reports are numbered; 0: there is no such report. */
@@ -71,7 +71,8 @@ size_t hid_report_length(const hid_descriptor *descriptor, hid_report_kind kind,
 /* The usage of an element: the item's own list, of which the last goes on (6.2.2.8). 0: none. */
 uint32_t hid_field_usage(const hid_descriptor *descriptor, const hid_field *field, uint32_t element);
 
-/* The place of a usage in a field's list (what an array field's value counts from its logical minimum); -1: not there. */
+/* The place of a usage in a field's list (what an array field's value counts from its logical minimum); -1: not
+ * there. */
 int hid_field_usage_index(const hid_descriptor *descriptor, const hid_field *field, uint32_t usage);
 
 /* Whether a field's collection, or one around it, has the usage. */

@@ -6,8 +6,8 @@
 
 typedef enum { HID_BUS_ANY = 0, HID_BUS_USB, HID_BUS_BLUETOOTH } hid_bus;
 
-/* Where an input report has what; offsets are bytes from the report's number, which is byte 0. Numbers are little-endian,
- * samples int16 x y z. */
+/* Where an input report has what; offsets are bytes from the report's number, which is byte 0. Numbers are
+ * little-endian, samples int16 x y z. */
 typedef struct {
     uint8_t report_id;
     uint16_t length;          /* at least */
@@ -40,8 +40,8 @@ typedef struct {
     const hid_layout *layout;
     double gyro_scale, accel_scale; /* nominal; signs turn the device's axes */
     double turn[3];                 /* +1 or -1 an axis; all 0: as they are */
-    /* The factory calibration: a feature report's number (0: none) and length, and what takes it apart; false: it makes no
-     * sense, and the nominal scale stays. */
+    /* The factory calibration: a feature report's number (0: none) and length, and what takes it apart; false: it makes
+     * no sense, and the nominal scale stays. */
     uint8_t calibration_id;
     uint8_t calibration_length;
     bool (*calibrate)(const uint8_t *report, size_t length, imu_calibration *calibration);

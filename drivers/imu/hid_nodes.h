@@ -1,5 +1,5 @@
-/* The HID devices that the kernel has, by sysfs. hidapi's own list (0.13) crashes when a device goes while it is made, and
- * has no report descriptors. */
+/* The HID devices that the kernel has, by sysfs. hidapi's own list (0.13) crashes when a device goes while it is made,
+ * and has no report descriptors. */
 #ifndef FATHOM_HID_NODES_H
 #define FATHOM_HID_NODES_H
 

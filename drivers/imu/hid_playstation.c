@@ -55,11 +55,11 @@ const hid_layout dualsense_bluetooth = {.report_id = 0x31,
                                         .sequence_bits = 8,
                                         .crc_seed = INPUT_SEED};
 
-/* Bytes 1 to 34 of the feature report are int16: three gyroscope biases; the gyroscope at + and - the test's speed, in an
- * order that differs; the two speeds in deg/s; the accelerometer at + and - 1 g for each axis.
+/* Bytes 1 to 34 of the feature report are int16: three gyroscope biases; the gyroscope at + and - the test's speed, in
+ * an order that differs; the two speeds in deg/s; the accelerometer at + and - 1 g for each axis.
  *
- * The gyroscope's bias belongs to the plus and minus readings (with it their size is taken) and isn't taken off samples:
- * the controller does that itself. */
+ * The gyroscope's bias belongs to the plus and minus readings (with it their size is taken) and isn't taken off
+ * samples: the controller does that itself. */
 static bool calibrate(const uint8_t *report, const int plus[3], const int minus[3], imu_calibration *out) {
     const double speed = (double)little_i16(report + 19) + little_i16(report + 21);
     imu_calibration c = {0};

@@ -15,8 +15,8 @@ enum {
     FULL_POWER = 0x200851
 };
 
-/* Units as 6.2.2.7 packs them, and as the Sensors page lists them, which descriptors also hold. The HID system's length is
- * the centimetre. */
+/* Units as 6.2.2.7 packs them, and as the Sensors page lists them, which descriptors also hold. The HID system's length
+ * is the centimetre. */
 static bool accel_unit(uint32_t unit, double *value) {
     switch (unit) {
     case 0:                                            /* the page's default */

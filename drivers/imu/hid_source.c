@@ -1,5 +1,5 @@
-/* HID inertial sensors by hidapi (its hidraw flavour): devices of the table in hid_models.c, and any device of the HID Sensor
- * page. */
+/* HID inertial sensors by hidapi (its hidraw flavour): devices of the table in hid_models.c, and any device of the HID
+ * Sensor page. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -103,7 +103,10 @@ static int tell_hub(fathom_source_found found, void *user, int *devices) {
         char node[300];
         snprintf(node, sizeof node, SENSOR_HUB "/%s/hidraw", entry->d_name);
         if (access(node, F_OK) == 0) continue;
-        fathom_source_info info = {.struct_size = sizeof info, .driver = "hid", .kinds = FATHOM_SOURCE_IMU, .error = FATHOM_ERROR_BUSY};
+        fathom_source_info info = {.struct_size = sizeof info,
+                                   .driver = "hid",
+                                   .kinds = FATHOM_SOURCE_IMU,
+                                   .error = FATHOM_ERROR_BUSY};
         snprintf(info.uri, sizeof info.uri, "hid:%04x:%04x", vendor, product);
         snprintf(info.name, sizeof info.name, "HID sensor %04x:%04x", vendor, product);
         snprintf(
@@ -176,7 +179,8 @@ static void prepare(hid_source *s, const hid_node *node, bool quiet) {
         const hid_model *model = s->kind.model;
         uint8_t report[128] = {model->calibration_id};
         int length = 0;
-        /* A virtual or a slow device may refuse at first; over Bluetooth asking also switches the reports to the long kind. */
+        /* A virtual or a slow device may refuse at first; over Bluetooth asking also switches the reports to the long
+         * kind. */
         for (int attempt = 0; model->calibration_id && attempt < 3 && length <= 0; attempt++) {
             memset(report, 0, sizeof report);
             report[0] = model->calibration_id;

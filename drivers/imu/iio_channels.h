@@ -18,8 +18,8 @@ bool iio_format_parse(const char *text, iio_format *format);
 /* The value in a scan. format must be one that iio_format_parse would accept. */
 int64_t iio_value(const iio_format *format, const uint8_t *bytes);
 
-/* "1, 0, 0; 0, 1, 0; 0, 0, 1", row by row: from the chip's axes to the board's. False: something else, or not a turn (then
- * *matrix is the identity). */
+/* "1, 0, 0; 0, 1, 0; 0, 0, 1", row by row: from the chip's axes to the board's. False: something else, or not a turn
+ * (then *matrix is the identity). */
 bool iio_mount_matrix_parse(const char *text, double matrix[9]);
 
 /* matrix times vector, in place. */

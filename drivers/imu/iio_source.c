@@ -1,5 +1,5 @@
-/* Inertial sensors that the kernel drives itself (I2C, SPI, HID sensors behind hid-sensor-hub), by IIO through libiio: buffered
- * capture with the kernel's time stamps. A gyroscope and an accelerometer may be one device or two. */
+/* Inertial sensors that the kernel drives itself (I2C, SPI, HID sensors behind hid-sensor-hub), by IIO through libiio:
+ * buffered capture with the kernel's time stamps. A gyroscope and an accelerometer may be one device or two. */
 #include <errno.h>
 #include <fcntl.h>
 #include <iio.h>

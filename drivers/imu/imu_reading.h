@@ -1,5 +1,5 @@
-/* What a report, packet or datagram of an inertial sensor says, whatever the device: the parsers make it, imu_stream takes
- * it. */
+/* What a report, packet or datagram of an inertial sensor says, whatever the device: the parsers make it, imu_stream
+ * takes it. */
 #ifndef FATHOM_IMU_READING_H
 #define FATHOM_IMU_READING_H
 
@@ -31,10 +31,10 @@ typedef struct {
     int64_t seen_ns;
 } whole_counter;
 
-/* The next value of a counter of bits bits (1 to 63) that ticks every tick_ns. Of all counts that look like raw it is the
- * one nearest to what the host's clock expects, so that pauses longer than a wrap are counted, and a value repeated or late
- * doesn't become a wrap. arrival_ns: when the host got it; 0: unknown (it may have waited in a queue), then less than 7/8 of a
- * wrap forward, else back. Never below zero. */
+/* The next value of a counter of bits bits (1 to 63) that ticks every tick_ns. Of all counts that look like raw it is
+ * the one nearest to what the host's clock expects, so that pauses longer than a wrap are counted, and a value repeated
+ * or late doesn't become a wrap. arrival_ns: when the host got it; 0: unknown (it may have waited in a queue), then
+ * less than 7/8 of a wrap forward, else back. Never below zero. */
 uint64_t whole_counter_next(whole_counter *counter, uint64_t raw, int bits, double tick_ns,
                             int64_t arrival_ns);
 

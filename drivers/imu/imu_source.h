@@ -1,5 +1,5 @@
-/* What all inertial sources share: a thread that polls the device, reconnecting, and the queue behind fathom_source_*. A
- * driver fills in how its device is opened, made to stream, polled and shut. */
+/* What all inertial sources share: a thread that polls the device, reconnecting, and the queue behind fathom_source_*.
+ * A driver fills in how its device is opened, made to stream, polled and shut. */
 #ifndef FATHOM_IMU_SOURCE_H
 #define FATHOM_IMU_SOURCE_H
 
@@ -41,8 +41,8 @@ struct imu_source {
     char name[96], serial[64];
 };
 
-/* size: of the driver's structure, which begins with an imu_source. Zeroed otherwise; the driver fills in its own part and
- * calls imu_source_open. NULL: no memory, and the log was told. */
+/* size: of the driver's structure, which begins with an imu_source. Zeroed otherwise; the driver fills in its own part
+ * and calls imu_source_open. NULL: no memory, and the log was told. */
 imu_source *imu_source_make(size_t size, const imu_device *device, const fathom_source_options *options);
 
 /* Opens the device for the first time; on an error everything is freed and *source is NULL. */

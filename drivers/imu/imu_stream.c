@@ -32,8 +32,8 @@ void imu_stream_restart(imu_stream *stream, bool accel_only) {
     imu_pair_init(&stream->pair, push, stream);
 }
 
-/* The device's stamp of each sample, from all of them or the last one. False: the last one doesn't come after the one of the
- * report before. */
+/* The device's stamp of each sample, from all of them or the last one. False: the last one doesn't come after the one
+ * of the report before. */
 static bool device_stamps(const imu_reading *r, const imu_stream_last *last, int64_t stamps[IMU_BATCH]) {
     const int n = r->samples;
     for (int i = 0; i < n; i++) stamps[i] = r->device_ns[i];

@@ -1,5 +1,5 @@
-/* From what a device says (imu_reading) to samples on the host's clock in the source's queue: stamps, batches spread, gyro
- * and accelerometer paired. */
+/* From what a device says (imu_reading) to samples on the host's clock in the source's queue: stamps, batches spread,
+ * gyro and accelerometer paired. */
 #ifndef FATHOM_IMU_STREAM_H
 #define FATHOM_IMU_STREAM_H
 
@@ -29,8 +29,8 @@ void imu_stream_free(imu_stream *stream);
 /* The device is another, or was away: nothing that is known of its clock holds. */
 void imu_stream_restart(imu_stream *stream, bool accel_only);
 
-/* arrival_ns: CLOCK_MONOTONIC, when the host had the report. A sample whose stamp doesn't come after its sensor's last one
- * is counted as malformed and dropped. Samples without a stamp of the device's are stamped by their arrival. */
+/* arrival_ns: CLOCK_MONOTONIC, when the host had the report. A sample whose stamp doesn't come after its sensor's last
+ * one is counted as malformed and dropped. Samples without a stamp of the device's are stamped by their arrival. */
 void imu_stream_take(imu_stream *stream, const imu_reading *reading, int64_t arrival_ns);
 
 /* Sets clock_offset_s and clock_drift_ppm. Any thread. */

@@ -1,5 +1,5 @@
-/* The accelerometer of Microsoft's first Kinect (for the Xbox 360), which sits in its motor device: no gyroscope, so it serves
- * for levelling, not for a scan. */
+/* The accelerometer of Microsoft's first Kinect (for the Xbox 360), which sits in its motor device: no gyroscope, so it
+ * serves for levelling, not for a scan. */
 #ifndef FATHOM_KINECT_MOTOR_H
 #define FATHOM_KINECT_MOTOR_H
 

@@ -28,8 +28,8 @@ typedef struct {
     size_t length;
 } xbus_message;
 
-/* Takes bytes until a message is whole: returns how many were taken; *whole says whether there is one. Call again with the
- * rest. After a message with a wrong checksum the search goes on right behind its first byte. */
+/* Takes bytes until a message is whole: returns how many were taken; *whole says whether there is one. Call again with
+ * the rest. After a message with a wrong checksum the search goes on right behind its first byte. */
 size_t xbus_take(xbus_parser *parser, const uint8_t *bytes, size_t length, xbus_message *message,
                  bool *whole);
 
@@ -47,9 +47,9 @@ typedef struct {
 
 typedef enum { MTDATA2_READING, MTDATA2_OTHER, MTDATA2_MALFORMED } mtdata2_result;
 
-/* Takes an MTData2 message's data apart: rate of turn and acceleration (or the high-rate ones), else delta q and delta v over
- * the time since the message before; sample time, packet counter. Float32, float64, fixed-point 12.20 and 16.32. OTHER: no
- * rates or accelerations in it, or deltas without a time. */
+/* Takes an MTData2 message's data apart: rate of turn and acceleration (or the high-rate ones), else delta q and delta
+ * v over the time since the message before; sample time, packet counter. Float32, float64, fixed-point 12.20 and 16.32.
+ * OTHER: no rates or accelerations in it, or deltas without a time. */
 mtdata2_result mtdata2_read(mtdata2_state *state, const uint8_t *data, size_t length, int64_t arrival_ns,
                             imu_reading *reading);
 

@@ -60,7 +60,8 @@ void usb_place(libusb_device *device, char *out, size_t size);
 int usb_translate(int error, const char *place, char *problem, size_t size);
 
 /* "" where there is none. */
-void usb_serial(libusb_device_handle *handle, const struct libusb_device_descriptor *descriptor, char *out, int size);
+void usb_serial(libusb_device_handle *handle, const struct libusb_device_descriptor *descriptor, char *out,
+                int size);
 
 /* The driver's enumerate. */
 int usb_enumerate(fathom_source_found found, void *user, fathom_log log, void *log_user);

@@ -1,5 +1,5 @@
-/* USB inertial sensors by libusb: the Kinect 360's accelerometer (control transfers to its motor device) and Xsens/Movella MTi
- * (bulk transfers). Transfers are asynchronous; the source's thread handles their events. */
+/* USB inertial sensors by libusb: the Kinect 360's accelerometer (control transfers to its motor device) and
+ * Xsens/Movella MTi (bulk transfers). Transfers are asynchronous; the source's thread handles their events. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -155,8 +155,8 @@ static int begin(imu_source *base) {
     if (result || s->kind == USB_KINECT_MOTOR) return result;
     for (int i = 0; i < s->slot_count; i++) {
         usb_slot *slot = &s->slots[i];
-        libusb_fill_bulk_transfer(slot->transfer, s->handle, s->bulk_in, slot->bytes, USB_TRANSFER_BYTES, usb_done,
-                                  slot, 0);
+        libusb_fill_bulk_transfer(slot->transfer, s->handle, s->bulk_in, slot->bytes, USB_TRANSFER_BYTES,
+                                  usb_done, slot, 0);
         if (usb_submit(slot)) {
             usb_cancel_all(s);
             return source_fail(o, s->gone ? FATHOM_ERROR_UNPLUGGED : FATHOM_ERROR_PROTOCOL,

@@ -49,8 +49,8 @@ static bool is_empty(const char *folder) {
     return empty;
 }
 
-/* Frames of a former recording are named by their stamps, with six or nine decimals and perhaps a sign. Halves of them count
- * as well. */
+/* Frames of a former recording are named by their stamps, with six or nine decimals and perhaps a sign. Halves of them
+ * count as well. */
 static bool is_frame(const char *name) {
     if (*name == '-') name++;
     const size_t digits = strspn(name, "0123456789");

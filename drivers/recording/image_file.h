@@ -8,7 +8,8 @@
 
 /* Each returns 0, or -1 with one line in error that names the file and what was wrong. */
 
-/* Reads a greyscale PNG of 16 (or 8) bits into pixels, row by row, at most capacity pixels; its size into *width, *height. */
+/* Reads a greyscale PNG of 16 (or 8) bits into pixels, row by row, at most capacity pixels; its size into *width,
+ * *height. */
 int image_read_gray16(const char *path, uint16_t *pixels, size_t capacity, int *width, int *height,
                       char *error, size_t error_size);
 

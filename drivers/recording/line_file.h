@@ -1,5 +1,5 @@
-/* A text file that grows by whole lines: whenever the writing stops (a kill, a full disk), what is on the disk ends with
- * a line's end, and at most half a second of lines is missing. */
+/* A text file that grows by whole lines: whenever the writing stops (a kill, a full disk), what is on the disk ends
+ * with a line's end, and at most half a second of lines is missing. */
 #ifndef FATHOM_LINE_FILE_H
 #define FATHOM_LINE_FILE_H
 

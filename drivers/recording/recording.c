@@ -120,7 +120,8 @@ int fathom_recording_open(fathom_recording **out, const char *folder,
     fathom_recording_options whole = FATHOM_STRUCT(fathom_recording_options);
     struct recording *recording;
     if (out) *out = NULL;
-    if (!out || !folder || (options && !sized_in(&whole, sizeof whole, options))) return FATHOM_ERROR_ARGUMENT;
+    if (!out || !folder || (options && !sized_in(&whole, sizeof whole, options)))
+        return FATHOM_ERROR_ARGUMENT;
     const int result = with_folder(&recording, folder, whole.log, whole.log_user, read_all, &whole);
     *out = result ? NULL : &recording->shown;
     return result;
@@ -148,8 +149,8 @@ static int read_description(struct recording *recording, const void *user) {
     free(rig);
     int result = recording_read_calibration(recording);
     if (!result && !there && !recording->has_calibration)
-        result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: there is neither rig.txt nor calibration.txt",
-                                recording->folder);
+        result = recording_fail(recording, FATHOM_ERROR_NO_DATA,
+                                "%s: there is neither rig.txt nor calibration.txt", recording->folder);
     if (!result) result = recording_read_rig(recording);
     shown->depth_units_per_metre = config->depth_units_per_metre;
     return result;

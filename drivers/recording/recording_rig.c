@@ -31,7 +31,8 @@ static int read_calibration_line(struct recording *recording, const char *path, 
     while (count < 12 && numbers && !text_at_end(text)) numbers = text_number(text, &v[count++]);
     if (!numbers || !text_at_end(text) || (count != 4 && count != 8 && count != 9 && count != 12))
         return recording_fail(recording, FATHOM_ERROR_CONFIG,
-                              "%s:%d: expected `fx fy cx cy [k1 k2 p1 p2 [k3 [k4 k5 k6]]]`", path, text->number);
+                              "%s:%d: expected `fx fy cx cy [k1 k2 p1 p2 [k3 [k4 k5 k6]]]`", path,
+                              text->number);
     fathom_pinhole camera = {.width = shown->camera.width, .height = shown->camera.height,
                              .fx = v[0], .fy = v[1], .cx = v[2], .cy = v[3]};
     const char *fault = recording_intrinsics_fault(&camera);
