@@ -56,7 +56,8 @@ static int prepare(struct calibrate *c) {
             "%s: the frames are from %.3f to %.3f s, the IMU samples from %.3f to %.3f s: they never "
             "meet; --offset-start shifts the samples",
             c->folder, from, to, imu_from, imu_to);
-    c->pixels = malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *c->pixels);
+    c->pixels =
+        malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *c->pixels);
     c->path.points = malloc((size_t)recording->frame_count * sizeof *c->path.points);
     if (!c->pixels || !c->path.points) return cli_error(CLI_FAILED, "out of memory");
     return rig_file_can_write(c->output ? c->output : c->rig) ? CLI_DONE : CLI_FAILED;
@@ -294,8 +295,8 @@ static int calibrate(struct calibrate *c) {
     const bool usable =
         outcome == CALIBRATION_DONE || (c->found.weak_sigma > 0 && c->found.weak_sigma < ROUGH_SIGMA);
     if (usable) {
-        /* With the rig as found so far, frames are tracked that were lost or mistaken without the IMU, and fast ones better:
-         * the clock offset of a fast recording came out 2.1 ms off without this, 0.7 ms with it. */
+        /* With the rig as found so far, frames are tracked that were lost or mistaken without the IMU, and fast ones
+         * better: the clock offset of a fast recording came out 2.1 ms off without this, 0.7 ms with it. */
         if (c->verbose)
             cli_note("%d of %d frames tracked without the IMU, %d stretches left out", tracked(c),
                      c->path.count, c->found.left_out);
@@ -350,13 +351,13 @@ static int run(const struct command *command, int argc, char **argv) {
 const struct command command_calibrate = {
     .name = "calibrate",
     .summary = "how the IMU sits on the camera, from a recording",
-    .about = "Estimates, from a recording folder with imu.txt, the IMU's mounting rotation, the offset of its clock and, "
-             "where the motion shows them, its place on the rig; writes them into rig.txt. What rig.txt says of these is not "
-             "used. The camera should turn about all its axes, briskly and to and fro, for ten seconds or more, in front of "
-             "something it can track.",
+    .about = "Estimates, from a recording folder with imu.txt, the IMU's mounting rotation, the offset of "
+             "its clock and, where the motion shows them, its place on the rig; writes them into rig.txt. "
+             "What rig.txt says of these is not used. The camera should turn about all its axes, briskly "
+             "and to and fro, for ten seconds or more, in front of something it can track.",
     .words = {{"folder", AT(folder)}},
     .groups = groups,
     .later = "--color",
-    .output = "A table of values, each with one standard deviation, goes to stdout (with --output - to stderr). After Ctrl-C "
-              "rig.txt is untouched.",
+    .output = "A table of values, each with one standard deviation, goes to stdout (with --output - to "
+              "stderr). After Ctrl-C rig.txt is untouched.",
     .run = run};

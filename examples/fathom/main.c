@@ -25,7 +25,8 @@ static int refuse(const char *name) {
     int count = 0;
     for (; commands[count]; count++) names[count] = commands[count]->name;
     const char *meant = options_nearest(name, names, count);
-    return meant ? cli_error(CLI_USAGE, "unknown command '%s'; did you mean %s? fathom --help lists them", name, meant)
+    return meant ? cli_error(CLI_USAGE, "unknown command '%s'; did you mean %s? fathom --help lists them",
+                             name, meant)
                  : cli_error(CLI_USAGE, "unknown command '%s'; fathom --help lists them", name);
 }
 

@@ -31,7 +31,8 @@ static uint32_t *entry_of(const struct block_store *store, const fathom_block_ke
         hash ^= hash >> 15;
     }
     size_t at = hash & mask;
-    while (store->table[at] && memcmp(&store->keys[store->table[at] - 1], key, sizeof *key) != 0) at = (at + 1) & mask;
+    while (store->table[at] && memcmp(&store->keys[store->table[at] - 1], key, sizeof *key) != 0)
+        at = (at + 1) & mask;
     return &store->table[at];
 }
 

@@ -1,7 +1,7 @@
 /* Keeps the blocks of the surface that make room at the pool's bound (--when-full drop) in a file, and gives them back.
  *
- * The file loses its name as soon as it is made, so that it is gone with the process, however that ends. It has one place
- * for each block that was ever dropped, with the block's last copy; memory holds 24 to 48 bytes for each. */
+ * The file loses its name as soon as it is made, so that it is gone with the process, however that ends. It has one
+ * place for each block that was ever dropped, with the block's last copy; memory holds 24 to 48 bytes for each. */
 #ifndef FATHOM_CLI_BLOCK_STORE_H
 #define FATHOM_CLI_BLOCK_STORE_H
 
@@ -21,8 +21,8 @@ struct block_store {
     int64_t lost;    /* copies that couldn't be kept or read; the first one was reported */
 };
 
-/* Where config says that blocks are dropped: makes the file, beside `beside` or, where that is NULL, in $TMPDIR or /var/tmp,
- * and sets config's block_store. The store must outlive the context. False after saying what went wrong. */
+/* Where config says that blocks are dropped: makes the file, beside `beside` or, where that is NULL, in $TMPDIR or
+ * /var/tmp, and sets config's block_store. The store must outlive the context. False after saying what went wrong. */
 bool block_store_open(struct block_store *store, const char *beside, fathom_config *config);
 
 /* Says what was dropped and what became of it. False when something was lost. */

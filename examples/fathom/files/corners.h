@@ -1,7 +1,8 @@
-/* The vertices of a PLY file by position: finds each exactly, in 7 to 10 bytes of memory per vertex and a window of 1 MB.
+/* The vertices of a PLY file by position: finds each exactly, in 7 to 10 bytes of memory per vertex and a window of 1
+ * MB.
  *
- * Triangles that share a corner mostly come soon after each other, and the window of recent corners finds it. A hash table
- * of vertex numbers finds the others; it holds no positions but reads them back from the file. */
+ * Triangles that share a corner mostly come soon after each other, and the window of recent corners finds it. A hash
+ * table of vertex numbers finds the others; it holds no positions but reads them back from the file. */
 #ifndef FATHOM_CLI_CORNERS_H
 #define FATHOM_CLI_CORNERS_H
 
@@ -35,10 +36,12 @@ struct corners {
 bool corners_open(struct corners *corners, FILE *file, long first);
 void corners_close(struct corners *corners);
 
-/* 1: found, *number set; 0: not there, add it or look for another; -1: errno, the file can't be read or memory is short. */
+/* 1: found, *number set; 0: not there, add it or look for another; -1: errno, the file can't be read or memory is
+ * short. */
 int corners_find(struct corners *corners, const float position[3], uint32_t *number);
 
-/* Adds the position that corners_find has just not found. Its vertex must be written to the file before the next call. */
+/* Adds the position that corners_find has just not found. Its vertex must be written to the file before the next
+ * call. */
 void corners_add(struct corners *corners, const float position[3], uint32_t number);
 
 #endif

@@ -9,7 +9,8 @@
 #include "fathom/shell/options.h"
 
 struct outputs {
-    const char *trajectory_file, *odometry_file, *mesh_file, *stats_file; /* as the options have them; NULL: not wanted */
+    /* as the options have them; NULL: not wanted */
+    const char *trajectory_file, *odometry_file, *mesh_file, *stats_file;
     struct trajectory trajectory, odometry;
     struct stats stats;
     struct block_store dropped;

@@ -112,7 +112,8 @@ bool picture_write(fathom *context, const struct path *path, const char *file) {
                             .ink = calloc(pixels, sizeof(float)),
                             .state = calloc(pixels, 1)};
     int result = FATHOM_ERROR_MEMORY;
-    if (canvas.rgb && canvas.depth && canvas.normals && canvas.ink && canvas.state) result = draw(context, path, &canvas);
+    if (canvas.rgb && canvas.depth && canvas.normals && canvas.ink && canvas.state)
+        result = draw(context, path, &canvas);
     if (result == FATHOM_ERROR_NO_DATA)
         cli_error(CLI_FAILED, "%s: no surface to draw", file);
     else if (result < 0)

@@ -96,7 +96,8 @@ static int64_t missing(const fathom_source_status *status) {
 static void print_json_line(struct logging *logging) {
     const fathom_source_status *depth = &logging->watch.depth, *imu = &logging->watch.imu;
     const fathom_sink_status w = written(logging);
-    printf("{\"t\":%.9f,\"frames\":%" PRId64 ",\"samples\":%" PRId64 ",\"bytes\":%" PRId64 ",\"depth\":\"%s\","
+    printf("{\"t\":%.9f,\"frames\":%" PRId64 ",\"samples\":%" PRId64 ",\"bytes\":%" PRId64
+           ",\"depth\":\"%s\","
            "\"rate_hz\":%.2f,\"frames_dropped\":%" PRId64 ",\"frames_missing\":%" PRId64 ",\"imu\":\"%s\","
            "\"imu_rate_hz\":%.2f,\"samples_dropped\":%" PRId64 ",\"samples_missing\":%" PRId64 "}\n",
            (double)w.last_ns * 1e-9, w.frames, w.samples, bytes_of(&w),
@@ -158,7 +159,8 @@ static void report_end(struct logging *logging) {
 /* A live_rig_take, on the rig's thread. */
 static void take_samples(void *user, const fathom_imu_sample *samples, int count) {
     struct logging *logging = user;
-    if (!logging->imu_failed && fathom_sink_write_imu(logging->sink, samples, count)) logging->imu_failed = true;
+    if (!logging->imu_failed && fathom_sink_write_imu(logging->sink, samples, count))
+        logging->imu_failed = true;
 }
 
 static bool is_over(const struct logging *logging) {
@@ -204,8 +206,10 @@ static const struct option_row own[] = {
      .help = "record into a folder that isn't empty; a recording in it is removed"},
     {0}};
 
-static const struct option_group groups[] = {
-    {"Rig", live_options_rig, AT(live)}, {"Recording", own, 0}, {"What is said", live_options_said, AT(live)}, {0}};
+static const struct option_group groups[] = {{"Rig", live_options_rig, AT(live)},
+                                             {"Recording", own, 0},
+                                             {"What is said", live_options_said, AT(live)},
+                                             {0}};
 
 static int run(const struct command *command, int argc, char **argv) {
     static struct logging logging;
@@ -244,8 +248,8 @@ static int run(const struct command *command, int argc, char **argv) {
 const struct command command_log = {
     .name = "log",
     .summary = "record what a live rig gives, for a replay",
-    .about = "Records what a depth camera and an inertial sensor give into a recording folder (depth.txt, depth/*.png, "
-             "imu.txt, calibration.txt, rig.txt), for fathom replay.",
+    .about = "Records what a depth camera and an inertial sensor give into a recording folder (depth.txt, "
+             "depth/*.png, imu.txt, calibration.txt, rig.txt), for fathom replay.",
     .words = {{"folder", AT(folder)}},
     .groups = groups,
     .output = "The last line on stdout: frames= samples= frames_dropped= samples_dropped= bytes= seconds=\n"

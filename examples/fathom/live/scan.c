@@ -107,9 +107,11 @@ static void clean_up(struct scan *scan) {
 
 #define AT(field) offsetof(struct scan, field)
 
-static const struct option_group groups[] = {
-    {"Rig", live_options_rig, AT(live)}, {"Files written", outputs_options, AT(outputs)}, SETTINGS_GROUPS(AT(settings)),
-    {"What is said", live_options_said, AT(live)}, {0}};
+static const struct option_group groups[] = {{"Rig", live_options_rig, AT(live)},
+                                             {"Files written", outputs_options, AT(outputs)},
+                                             SETTINGS_GROUPS(AT(settings)),
+                                             {"What is said", live_options_said, AT(live)},
+                                             {0}};
 
 static int run(const struct command *command, int argc, char **argv) {
     static struct scan scan;
@@ -133,8 +135,8 @@ static int run(const struct command *command, int argc, char **argv) {
         status = cli_error(CLI_FAILED, "out of memory");
     if (!status) status = library_start(&scan.library, config, &scan.log);
     if (!status)
-        status =
-            live_rig_start(&scan.rig, config->imu_clock_offset_ns, push_samples, scan.library.scan, &scan.rig_log);
+        status = live_rig_start(&scan.rig, config->imu_clock_offset_ns, push_samples, scan.library.scan,
+                                &scan.rig_log);
     if (!status) {
         status = take_frames(&scan);
         outputs_finish(&scan.outputs, scan.library.scan, &scan.log);
@@ -151,9 +153,11 @@ const struct command command_scan = {
     .summary = "track and reconstruct what a live rig sees",
     .about = "Tracks and reconstructs what a depth camera and an inertial sensor give, as it comes.",
     .groups = groups,
-    .later = "--log --foxglove --allow-origin --serve --trajectory-final --trajectory-format --report --save-map "
-             "--save-every --resume --salvage --strict --flow --color --cache",
-    .output = "The last line on stdout: frames= tracked= reckoned= lost= ms_median= ms_p95= latency_ms_median= "
-              "latency_ms_p95= frames_dropped= frames_missing= samples= samples_dropped= blocks= arena_mb=\n"
-              "latency is from a frame's arrival to its step.",
+    .later =
+        "--log --foxglove --allow-origin --serve --trajectory-final --trajectory-format --report --save-map "
+        "--save-every --resume --salvage --strict --flow --color --cache",
+    .output =
+        "The last line on stdout: frames= tracked= reckoned= lost= ms_median= ms_p95= latency_ms_median= "
+        "latency_ms_p95= frames_dropped= frames_missing= samples= samples_dropped= blocks= arena_mb=\n"
+        "latency is from a frame's arrival to its step.",
     .run = run};

@@ -110,7 +110,8 @@ static void undistort(const double k[8], double *x, double *y) {
     const double x0 = *x, y0 = *y;
     for (int i = 0; i < 10; i++) {
         const double r2 = *x * *x + *y * *y;
-        const double over = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4])), under = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+        const double over = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4])),
+                     under = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
         const double dx = 2 * k[2] * *x * *y + k[3] * (r2 + 2 * *x * *x);
         const double dy = k[2] * (r2 + 2 * *y * *y) + 2 * k[3] * *x * *y;
         *x = (x0 - dx) * under / over;

@@ -26,10 +26,12 @@ struct replay {
 
 static int open_recording(struct replay *replay) {
     struct replay_options *options = &replay->options;
-    int status = playback_open(&replay->recording, options->folder, options->imu, &options->settings, &replay->log);
+    int status =
+        playback_open(&replay->recording, options->folder, options->imu, &options->settings, &replay->log);
     if (status) return status;
     const fathom_recording *recording = replay->recording;
-    replay->pixels = malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *replay->pixels);
+    replay->pixels =
+        malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *replay->pixels);
     if (!replay->pixels) return cli_error(CLI_FAILED, "out of memory");
     log_clear(&replay->log);
     status = disturb_prepare(&replay->disturb, recording, &options->outages, &options->walls, &options->cards,
@@ -121,7 +123,8 @@ static void finish(struct replay *replay) {
     struct outputs *outputs = &replay->options.outputs;
     fathom *scan = replay->playback.library.scan;
     outputs_finish(outputs, scan, &replay->log);
-    if (options->picture && !picture_write(scan, &replay->report.path, options->picture)) outputs->failed = true;
+    if (options->picture && !picture_write(scan, &replay->report.path, options->picture))
+        outputs->failed = true;
     if (options->picture && outputs->dropped.count)
         cli_note("%s: shows what is in memory, without what made room", options->picture);
     replay_report_counters(scan, options->verbose);
@@ -164,7 +167,9 @@ const struct command command_replay = {
     .about = "Tracks and reconstructs a recording folder (TUM RGB-D / ETH3D layout).",
     .words = {{"folder", offsetof(struct replay_options, folder)}},
     .groups = replay_groups,
-    .later = "--trajectory-final --trajectory-format --report --json --save-map --save-every --resume --salvage --strict "
-             "--flow --color --depth-topic --imu-topic --color-topic --follow --first --cache",
-    .output = "The last line on stdout: frames= tracked= reckoned= lost= ate_rmse_m= ms_median= ms_p95= blocks= arena_mb=",
+    .later = "--trajectory-final --trajectory-format --report --json --save-map --save-every --resume "
+             "--salvage --strict --flow --color --depth-topic --imu-topic --color-topic --follow --first "
+             "--cache",
+    .output = "The last line on stdout: frames= tracked= reckoned= lost= ate_rmse_m= ms_median= ms_p95= "
+              "blocks= arena_mb=",
     .run = run};

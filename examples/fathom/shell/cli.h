@@ -13,21 +13,24 @@ enum {
     CLI_HELPED = 256       /* no exit status: help was asked for and printed, nothing else is to be done */
 };
 
-/* Prints "fathom: " and the text as one line on stderr. Returns status, so that `return cli_error(CLI_FAILED, ...)` reads well. */
+/* Prints "fathom: " and the text as one line on stderr. Returns status, so that `return cli_error(CLI_FAILED, ...)`
+ * reads well. */
 int cli_error(int status, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* Prints "fathom: note: ..." / "fathom: warning: ..." on stderr. */
 void cli_note(const char *format, ...) __attribute__((format(printf, 1, 2)));
 void cli_warning(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
-/* Parses a whole argument as a number within [low, high]; false when it isn't one (then prints what was wrong with `option`). */
+/* Parses a whole argument as a number within [low, high]; false when it isn't one (then prints what was wrong with
+ * `option`). */
 bool cli_parse_long(const char *option, const char *text, long low, long high, long *value);
 bool cli_parse_double(const char *option, const char *text, double low, double high, double *value);
 
 /* A place that can't be written to is better known before a scan than after it. False after saying so. */
 bool cli_can_write(const char *file);
 
-/* Installs the Ctrl-C (SIGINT) and SIGTERM handlers; the first sets the flag that cli_interrupted() reads, a second one kills. */
+/* Installs the Ctrl-C (SIGINT) and SIGTERM handlers; the first sets the flag that cli_interrupted() reads, a second one
+ * kills. */
 void cli_catch_interrupt(void);
 bool cli_interrupted(void);
 

@@ -1,4 +1,5 @@
-/* Completion for bash. A value's name in the help says what may be offered for it: FILE, FOLDER, or words with | between. */
+/* Completion for bash. A value's name in the help says what may be offered for it: FILE, FOLDER, or words with |
+ * between. */
 #include "fathom/shell/help.h"
 
 #include <ctype.h>
@@ -42,10 +43,12 @@ static void print_command(const struct command *command) {
     const struct option_row *rows[MOST_OPTIONS];
     const int count = options_list(command, NULL, rows, NULL);
     bool file = false;
-    for (const struct command_word *word = command->words; word->name; word++) file |= !strcmp(word->name, "file");
+    for (const struct command_word *word = command->words; word->name; word++)
+        file |= !strcmp(word->name, "file");
     printf("    %s)\n        words='--help", command->name);
     for (int i = 0; i < count; i++) printf(" %s", rows[i]->name);
-    printf("' kind=%s\n        case $before in\n", file ? "file" : command->words[0].name ? "folder" : "word");
+    printf("' kind=%s\n        case $before in\n",
+           file ? "file" : command->words[0].name ? "folder" : "word");
     for (int i = 0; i < count; i++)
         if (rows[i]->argument && !came_before(rows, i)) print_values(rows, count, rows[i]->argument);
     puts("        esac ;;");

@@ -74,6 +74,7 @@ void help_print_commands(const struct command *const *commands) {
     for (; *commands; commands++) printf("    %-10s %s\n", (*commands)->name, (*commands)->summary);
     puts("\n    fathom COMMAND --help     the command's options\n"
          "    fathom --version          the version\n"
-         "    fathom --completion bash  completion of commands and options: source <(fathom --completion bash)\n"
+         "    fathom --completion bash  completion of commands and options: source <(fathom "
+         "--completion bash)\n"
          "    fathom --man              the manual page: fathom --man | man -l -");
 }

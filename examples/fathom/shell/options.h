@@ -57,8 +57,8 @@ struct command {
 
 #define MOST_OPTIONS 96 /* of one command */
 
-/* Reads the arguments into the command's struct, which has the defaults. Returns CLI_DONE; CLI_HELPED when help was asked for
- * and printed; CLI_USAGE after saying what was wrong. */
+/* Reads the arguments into the command's struct, which has the defaults. Returns CLI_DONE; CLI_HELPED when help was
+ * asked for and printed; CLI_USAGE after saying what was wrong. */
 int options_read(const struct command *command, void *into, int argc, char **argv);
 
 /* Fills in the command's rows, and where not NULL the struct of each. Returns their number. */

@@ -32,8 +32,8 @@ static bool refuse(const char *option, const char *name, const char *value, int 
     char nearest[NAME_SIZE];
     if (why == FATHOM_ERROR_NAME) {
         const bool near = find_nearest(name, nearest);
-        cli_error(CLI_USAGE, "%s: there is no setting '%s'%s%s%s; fathom info --settings lists them", option, name,
-                  near ? " (did you mean " : "", nearest, near ? "?)" : "");
+        cli_error(CLI_USAGE, "%s: there is no setting '%s'%s%s%s; fathom info --settings lists them", option,
+                  name, near ? " (did you mean " : "", nearest, near ? "?)" : "");
         return false;
     }
     describe(name, &setting);

@@ -28,8 +28,10 @@ extern const struct option_row settings_camera[], settings_alignment[], settings
     settings_any[];
 
 /* The groups of them in a command whose struct has its settings at `at`. */
-#define SETTINGS_GROUPS(at)                                                                                            \
-    {"Depth camera", settings_camera, at}, {"Alignment", settings_alignment, at}, {"Surface", settings_surface, at},   \
-        {"OpenCL device", settings_device, at}, {"Any setting", settings_any, at}
+#define SETTINGS_GROUPS(at)                                                                                  \
+    {"Depth camera", settings_camera, at}, {"Alignment", settings_alignment, at},                            \
+        {"Surface", settings_surface, at}, {"OpenCL device", settings_device, at}, {                         \
+        "Any setting", settings_any, at                                                                      \
+    }
 
 #endif
