@@ -6,7 +6,7 @@
 
 typedef struct {
     device_buffer map; /* normal and depth of a part of a view */
-    int width, height; /* of that part, at most */
+    int width, height; /* maximum of that part */
 } viewer;
 
 void viewer_init(viewer *w, device *d, arena *a, const depth_maps *maps);
