@@ -12,10 +12,10 @@ typedef struct {
     kernel_camera camera[FATHOM_LEVELS]; /* the ideal pinhole of each level */
     kernel_depth_source source;
     cl_float2 noise;
-    device_buffer raw;                  /* the frame as it came */
-    device_buffer depth[FATHOM_LEVELS]; /* metric: what is aligned and fused */
-    device_buffer smooth; /* the finest depth smoothed, for its normals only: alignment with smoothed
-                                              depth drifts (docs/DESIGN.md) */
+    device_buffer raw;                  /* the frame as received */
+    device_buffer depth[FATHOM_LEVELS]; /* metric, for alignment and fusion */
+    /* the finest depth smoothed, for its normals only: alignment with smoothed depth drifts (docs/DESIGN.md) */
+    device_buffer smooth;
     device_buffer normals[FATHOM_LEVELS]; /* four planes: normal and confidence */
     cl_kernel convert, smoothing, halve, normal, pack;
 } depth_maps;
@@ -27,10 +27,10 @@ int depth_maps_camera(const fathom_config *config, kernel_camera *camera);
 void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *config);
 void depth_maps_close(depth_maps *m);
 
-/* Queues all maps of a frame, whose rows lie stride_bytes apart, down to the coarsest level wanted. */
+/* Queues all maps of a frame, whose rows lie stride_bytes apart, down to level `coarsest`. */
 void depth_maps_make(depth_maps *m, device *d, const uint16_t *frame, size_t stride_bytes, int coarsest);
 
-/* The same for the frame that was copied last. */
+/* The same for the last frame that was copied. */
 void depth_maps_compute(depth_maps *m, device *d, int coarsest);
 
 /* Queues a level of the frame's maps in the form of a model map. */

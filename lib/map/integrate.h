@@ -10,7 +10,7 @@ typedef struct {
     int frames;      /* fused since the last clearing */
     int64_t before;  /* fused before it */
     int settled;     /* number of blocks, from place 0 on, that have been fused into for SETTLING frames or more */
-    int settling;    /* the same at the next turn */
+    int settling;    /* that number after the next turn */
     int64_t refused; /* blocks that found the pool full */
     bool full;       /* some were refused by the last allocation */
 

@@ -90,9 +90,9 @@ extern const cl_float2 bench_noise; /* the default settings' */
 
 /* ---- comparisons ---- */
 
-/* |got - want| <= tolerance, which also fails for NaN. Tells the place when it doesn't hold. */
+/* |got - want| <= tolerance, which also fails for NaN. On a failure, reports the position. */
 bool bench_near(bench *b, const char *what, int x, int y, double got, double want, double tolerance);
-/* Compares the pixels of a padded plane where doubt isn't set, and sees that the margin is still zero. */
+/* Compares the pixels of a padded plane where doubt isn't set, and verifies that the margin is still zero. */
 void bench_compare_plane(bench *b, const char *what, const kernel_camera *c, const float *got,
                          const float *want, const uint8_t *doubt, double relative, double absolute);
 void bench_compare_bytes(bench *b, const char *what, const void *got, const void *want, size_t size);
@@ -145,7 +145,7 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
                          float max_weight);
 void compare_ranges(bench *b, bench_volume *v, const kernel_camera *c, const kernel_rigid *world_to_camera,
                     float near_m, float far_m);
-/* What is cast from where, and what is asked of it. */
+/* A view to ray-cast, and the criteria for it. */
 typedef struct {
     kernel_camera c;
     pose camera_to_world;
