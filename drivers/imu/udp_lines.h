@@ -1,4 +1,4 @@
-/* What phones send: lines of text with inertial samples.
+/* Lines of text with inertial samples, as phones send them.
  *
  * Comma-separated, as sensor-streaming apps for Android send them: the time, then groups of a sensor's number and its
  * values:
@@ -8,7 +8,7 @@
  * 3 is the accelerometer (m/s^2), 4 the gyroscope (rad/s); others have three values (7, 8, 85 and 86: one) and are
  * skipped.
  *
- * JSON, an object a line:
+ * JSON, an object per line:
  *
  *     {"t": 890.715, "gyro": [0.01, -0.03, 0.00], "accel": [-0.07, 9.19, 2.47], "n": 17}
  *
@@ -38,7 +38,7 @@ typedef struct {
 
 typedef enum { UDP_LINE_READING, UDP_LINE_OTHER, UDP_LINE_MALFORMED } udp_line_result;
 
-/* Takes a line apart (it needs no 0 at its end). OTHER: nothing in it is for us: an empty line, other sensors. */
+/* Parses a line (which needn't be zero-terminated). OTHER: no inertial data: an empty line, other sensors. */
 udp_line_result udp_line_parse(udp_format format, const char *text, size_t length, udp_line *line);
 
 #endif
