@@ -10,7 +10,8 @@ typedef enum { HID_BUS_ANY = 0, HID_BUS_USB, HID_BUS_BLUETOOTH } hid_bus;
  * little-endian, samples int16 x y z. */
 typedef struct {
     uint8_t report_id;
-    uint16_t length;          /* minimum */ uint8_t gyro, accel;      /* of the first sample */
+    uint16_t length;          /* minimum */
+    uint8_t gyro, accel;      /* of the first sample */
     uint8_t samples, stride;  /* in a report, and the bytes from one to the next */
     int32_t sample_ns;        /* between the samples of a report */
     uint8_t time, time_bytes; /* the sensor's clock; 0 bytes: none */
