@@ -1,4 +1,4 @@
-/* The search for a block, and for a voxel (opencl/layout.h describes both). */
+/* Lookup of a block and of a voxel (see opencl/layout.h). */
 
 /* The place of a block in the pool, or -1. */
 inline int find_block(global const int4 *table, uint mask, int submap, int3 b) {
@@ -12,7 +12,8 @@ inline int find_block(global const int4 *table, uint mask, int submap, int3 b) {
     }
 }
 
-/* A voxel's stored distance in truncations, or NAN where it was never seen. *last, *place: the block looked up last. */
+/* A voxel's stored distance in truncations, or NAN where it was never seen. *last, *place: the last block that was
+ * looked up. */
 inline float voxel_at(global const short *voxels, global const int4 *table, kernel_surface f, int3 i,
                       int3 *last, int *place) {
     int3 b = i >> 3;

@@ -1,5 +1,5 @@
-/* What the host and the kernels must agree on: structures, constants, the voxel, the block hash. C includes this file;
- * among the kernels' sources it comes first. */
+/* Shared by the host and the kernels: structures, constants, the voxel, the block hash. C includes this file; among the
+ * kernels' sources it comes first. */
 #ifndef FATHOM_LAYOUT_H
 #define FATHOM_LAYOUT_H
 
@@ -32,7 +32,7 @@ typedef struct {
     cl_float4 x, y, z; /* rows of the rotation, with the translation in w */
 } kernel_rigid;
 
-/* The depth frame as it comes. */
+/* The depth frame as received. */
 typedef struct {
     cl_float fx, fy, cx, cy;
     cl_float k1, k2, p1, p2, k3, k4, k5, k6; /* distortion, OpenCV's order */
@@ -71,8 +71,8 @@ typedef struct {
 #define BLOCK_EDGE 8
 #define BLOCK_VOXELS 512
 
-/* What a voxel holds. A block is VOXEL_PLANES planes of BLOCK_VOXELS 16-bit numbers, x fastest: first the distances
- * (short, positive in front of the surface), then the weights (ushort). Voxel i stands at i * voxel metres. */
+/* The content of voxels. A block is VOXEL_PLANES planes of BLOCK_VOXELS 16-bit numbers, x fastest: first the distances
+ * (short, positive in front of the surface), then the weights (ushort). Voxel i lies at i * voxel metres. */
 #define VOXEL_DISTANCE 0
 #define VOXEL_WEIGHT 1
 #define VOXEL_PLANES 2
@@ -86,7 +86,7 @@ typedef struct {
 #define WEIGHT_ONE 64.0f     /* a stored weight of one observation at 1 m */
 #define WEIGHT_BITS 511      /* of a pixel's plane: the last bits of its float hold the weight */
 
-/* A surface to look things up in. */
+/* A surface for lookups. */
 typedef struct {
     cl_float voxel, truncation; /* metres */
     cl_uint mask;               /* of the hash table: entries - 1 */
@@ -107,7 +107,7 @@ LAYOUT_INLINE cl_uint block_hash(cl_int x, cl_int y, cl_int z, cl_int submap) {
     return h ^ (h >> 15);
 }
 
-#define TILE_SLOTS 64 /* blocks that a tile of the frame may ask for */
+#define TILE_SLOTS 64 /* maximum blocks that a tile of the frame requests */
 
 /* ---- marching cubes: cube corner k stands at (k & 1, k >> 1 & 1, k >> 2) ---- */
 

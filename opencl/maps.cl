@@ -1,6 +1,6 @@
 /* Depth maps: metric depth at the alignment's size, edge-preserving smoothing, pyramid, normals and confidence. */
 
-/* Where in the frame the ideal pinhole's pixel (x, y) lies, or -1 outside of it. */
+/* The position in the frame of the ideal pinhole's pixel (x, y), or -1 outside of it. */
 inline int source_index(kernel_depth_source s, int x, int y) {
     if (s.lens) {
         float u = ((float)x - s.cx) / s.fx, v = ((float)y - s.cy) / s.fy;
@@ -48,7 +48,7 @@ kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kerne
     float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
     for (int x = get_global_id(0) * 8; x < c.width; x += get_global_size(0) * 8) {
         int8 inside = lane < (float)(c.width - x); /* distortion can bring depth into the margin */
-        if (s.factor == 1) {                       /* there is nothing to average */
+        if (s.factor == 1) {                       /* no valid pixel to average */
             vstore8(select((float8)(0.0f), source_depths(raw, s, x, y, 0, 0), inside), 0,
                     depth + AT(c, x, y));
             continue;
@@ -137,7 +137,8 @@ kernel void normal_map(global const float *depth, kernel_camera c, float2 noise,
         wfloat left = WLOAD(depth + i - 1), right = WLOAD(depth + i + 1);
         wfloat up = WLOAD(depth + i - c.pitch), down = WLOAD(depth + i + c.pitch);
         wfloat sigma = noise.x + noise.y * z * z;
-        /* a step to a neighbour across an edge is not a slope: allow what a surface at 75 degrees makes, and noise */
+        /* a step to a neighbour across an edge is not a slope: the maximum is the slope of a surface at 75 degrees,
+         * plus noise */
         wfloat limit = 4.0f * sigma + 4.0f * z / c.fx;
         wint l = (left > 0.0f) & (fabs(left - z) < limit), r = (right > 0.0f) & (fabs(right - z) < limit);
         wint u = (up > 0.0f) & (fabs(up - z) < limit), b = (down > 0.0f) & (fabs(down - z) < limit);
@@ -146,7 +147,7 @@ kernel void normal_map(global const float *depth, kernel_camera c, float2 noise,
         wfloat wide = SELECT(zero, one, r) + SELECT(zero, one, l);
         wfloat tall = SELECT(zero, one, b) + SELECT(zero, one, u);
         wint valid = (z > 0.0f) & (wide > 0.0f) & (tall > 0.0f) & (COLUMNS < (float)(c.width - x));
-        wfloat gx = (zb - za) / wide, gy = (zd - zc) / tall; /* slope of the depth, metres a pixel */
+        wfloat gx = (zb - za) / wide, gy = (zd - zc) / tall; /* slope of the depth, metres per pixel */
         /* (dP/du) x (dP/dv) for P = ((u - cx) z / fx, (v - cy) z / fy, z), up to a positive factor, pointing to the
          * camera */
         wfloat px = (float)x + COLUMNS - c.cx;

@@ -19,7 +19,7 @@ inline int cube_case(global const short *voxels, global const int4 *table, kerne
     return kind;
 }
 
-/* How many triangles each block makes. Global size: blocks. */
+/* Counts the triangles of each block. Global size: blocks. */
 kernel void count_triangles(global const short *voxels, global const int4 *table, kernel_surface f,
                             global const int4 *blocks, constant uchar *cases, int first, global int *counts) {
     int index = first + get_global_id(0);
@@ -41,7 +41,7 @@ inline float3 voxel_gradient(global const short *voxels, global const int4 *tabl
         int3 e = (int3)(axis == 0, axis == 1, axis == 2);
         float up = voxel_at(voxels, table, f, i + e, last, place),
               down = voxel_at(voxels, table, f, i - e, last, place);
-        /* one-sided at the rim of what was seen */
+        /* one-sided beside unseen voxels */
         if (isnan(up))
             g[axis] = isnan(down) ? 0.0f : 2.0f * (here - down);
         else
@@ -50,9 +50,9 @@ inline float3 voxel_gradient(global const short *voxels, global const int4 *tabl
     return (float3)(g[0], g[1], g[2]);
 }
 
-/* Writes each block's triangles from its offset on: position and normal (6 floats) a corner, three a triangle. A corner
- * is computed from its edge alone, always from the lower voxel up, so that all triangles that share it agree to the
- * bit. Global size: blocks. */
+/* Writes each block's triangles from its offset on: position and normal (6 floats) per corner, three corners per
+ * triangle. A corner is computed from its edge alone, always from the lower voxel up, so that all triangles that share
+ * it agree to the bit. Global size: blocks. */
 kernel void emit_triangles(global const short *voxels, global const int4 *table, kernel_surface f,
                            global const int4 *blocks, constant uchar *cases, int first,
                            global const int *offsets, global float *vertices) {

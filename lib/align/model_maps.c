@@ -2,8 +2,9 @@
 
 #include <string.h>
 
-#define PAIRS_LEFT 0.9      /* of the pairs that maps had when they were new */
-#define CONDITION_PART 0.5 /* of max_condition: beyond, pairs at the rim decide, and those change first */
+#define PAIRS_LEFT 0.9      /* fraction of the pairs that new maps had */
+/* fraction of max_condition: beyond it the pose depends on pairs at the rim, which change first */
+#define CONDITION_PART 0.5
 
 void model_maps_init(model_maps *m, device *d, arena *a, const fathom_config *config,
                      const depth_maps *maps) {

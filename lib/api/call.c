@@ -4,12 +4,12 @@
 
 int call_begin(fathom *f) {
     if (!f) return FATHOM_ERROR_ARGUMENT;
-    if (f->device.error != FATHOM_OK) return FATHOM_ERROR_DEVICE; /* the text stays that of its death */
+    if (f->device.error != FATHOM_OK) return FATHOM_ERROR_DEVICE; /* the text of the fatal failure stays */
     f->error.kept = false;
     return FATHOM_OK;
 }
 
-/* What every step says from now on. */
+/* The result of every step from now on. */
 static void say_lost(fathom_result *r) {
     r->state = FATHOM_LOST;
     r->verdict = FATHOM_VERDICT_DEVICE;

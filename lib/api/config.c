@@ -1,4 +1,4 @@
-/* The caller's settings: filled at the caller's size, and taken in whole. */
+/* The caller's settings: filled in at the caller's size, and copied in whole. */
 #include "api/config.h"
 
 #include "api/settings.h"

@@ -24,7 +24,7 @@ static int check_size_and_stamp(fathom *f, const fathom_depth_frame *frame) {
     return FATHOM_OK;
 }
 
-/* The smallest stride of a row; 0 for a compressed image, -1 for a format that there isn't. */
+/* The smallest stride of a row; 0 for a compressed image, -1 for an unknown format. */
 static int64_t tight_stride(const fathom_image *image) {
     switch (image->format) {
     case FATHOM_IMAGE_GREY8: return image->width;

@@ -8,7 +8,7 @@
 #include "base/log.h"
 #include "base/sized.h"
 
-/* Tiles of the largest view that is ray-cast: the finest maps, or the wide view where maps are small. */
+/* Tiles of the largest ray-cast view: the finest maps, or the wide view where maps are small. */
 static int max_tiles(const fathom *f) {
     int finest = kernel_tiles(&f->maps.camera[FINEST]), wide = kernel_tiles(&f->tracker.view.wide);
     return finest > wide ? finest : wide;

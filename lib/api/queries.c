@@ -1,4 +1,4 @@
-/* What a context knows: motion, pose, mounting, counters. */
+/* Queries of a context: motion, pose, mounting, counters. */
 #include <string.h>
 
 #include "api/call.h"

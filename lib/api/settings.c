@@ -49,7 +49,7 @@ static int refuse_all_zero(const fathom_config *c, const char *name) {
     return FATHOM_ERROR_CONFIG;
 }
 
-/* Settings that are good each by itself and don't go together. */
+/* Settings that are each valid but contradict each other. */
 static int check_together(const fathom_config *c) {
     const int32_t *free_budget = c->max_iterations, *seeded = c->max_seeded_iterations;
     const double *k = c->depth_camera.coefficients;

@@ -225,7 +225,7 @@ void setting_store(const setting_row *row, fathom_config *config, double value) 
 
 bool setting_allows(const setting_row *row, double value) {
     if (row->type == FATHOM_SETTING_TEXT || (row->zero && value == 0)) return true;
-    if (row->type == FATHOM_SETTING_FLOAT) /* a limit as the field holds it */
+    if (row->type == FATHOM_SETTING_FLOAT) /* a limit in the field's precision */
         return value >= (float)row->low && value <= (float)row->high;
     return value >= row->low && value <= row->high;
 }

@@ -7,14 +7,15 @@
 #include "base/stamps.h"
 #include "tracking/relocalise.h"
 
-#define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
+#define SEARCH_SIGMA_M 0.01 /* a seed with a smaller sigma needs no search: alignment reaches further */
 
-/* So many frames are looked for after the camera was lost, then every RARE-th, so that a board keeps up. */
+/* Number of frames that are searched for after the camera was lost, then every RARE-th, so that a board keeps up. */
 #define EAGER 15
 #define RARE 30
 
-#define MAX_ROUNDS 4      /* more, from a proposed place: where the weight of far pairs is small, alignment creeps */
-#define STAYS_M 0.002     /* a round that moves the pose by less has settled it */
+/* more rounds from a proposed pose: where the weight of far pairs is small, alignment converges slowly */
+#define MAX_ROUNDS 4
+#define STAYS_M 0.002     /* a round that moves the pose by less has converged */
 #define STAYS_RAD 0.002
 
 void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps,
@@ -44,8 +45,8 @@ void tracker_reset(tracker *t) {
     t->drawn = 0;
 }
 
-/* Too little surface for enough pairs lies before the camera: there is no need to cast the fine maps. After a tracked
- * frame there is enough. */
+/* Whether too little surface for enough pairs is in view, so that the fine maps needn't be cast. After a tracked frame
+ * there is enough. */
 static bool nothing_in_view(tracker *t, const pose *start) {
     const kernel_camera *c = &t->maps->camera[FINEST];
     double pixels = (double)c->width * c->height;
@@ -54,7 +55,7 @@ static bool nothing_in_view(tracker *t, const pose *start) {
                minimum_pairs(t->config, c->width * c->height);
 }
 
-/* A frame that isn't aligned. */
+/* The attempt of a frame that isn't aligned. */
 static void leave(const tracker *t, const pose *at, attempt *a) {
     a->icp = (alignment){.motion = *at, .condition = INFINITY};
     a->rotation_rad = a->translation_m = a->innovation = 0;
@@ -62,8 +63,8 @@ static void leave(const tracker *t, const pose *at, attempt *a) {
     a->verdict = has_depth(t->valid) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
 }
 
-/* The surface as it looks from there, near the scan. thorough: also where it is further from the scan than the
- * truncation; a good seed doesn't need that. */
+/* Casts the surface at a pose, near the scan. thorough: also where it is further from the scan than the truncation; a
+ * good seed doesn't need that. */
 static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m, bool thorough) {
     model_maps *m = &t->models;
     raycast_near(t->raycaster, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m),
@@ -73,7 +74,7 @@ static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m
     model_maps_renew(m, from, coarsest);
 }
 
-/* The scan with the surface, or with the last accepted frame. Start, prior and result: camera to world. */
+/* Aligns the scan with the surface, or with the last accepted frame. Start, prior and result: camera to world. */
 static void align_scan(tracker *t, const pose *start, const align_prior *prior, bool seeded, alignment *icp) {
     const fathom_config *c = t->config;
     const int *budget = seeded ? c->max_seeded_iterations : c->max_iterations;
@@ -109,8 +110,8 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
         return;
     }
     align_scan(t, start, prior, seeded, &a->icp);
-    /* maps cast from a start that was far off show another part of the surface: another round from where the first has
-     * led; from a place that the search proposes, which is rough, until the pose stays */
+    /* maps cast from a distant start show another part of the surface, so another round starts from the result; from a
+     * pose of the search, which is rough, rounds go on until the pose converges */
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && a->icp.pairs > 0;
     bool proposed = start != &prior->mean;
     pose led = *start;
@@ -125,8 +126,8 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
     t->cost.ms_raycast += now_ms() - began;
 }
 
-/* While the IMU isn't known to be right, the frame is aligned from where the last velocity leads too, with that as its
- * prior, and what fits the surface clearly better is taken. */
+/* While the IMU is unchecked, the frame is also aligned from the pose that the last velocity predicts, with that as its
+ * prior; the result that fits the surface clearly better is taken. */
 static void second_attempt(tracker *t, const pose *seed, int64_t timestamp_ns, attempt *icp) {
     align_prior guess;
     attempt other = *icp;
@@ -138,7 +139,7 @@ static void second_attempt(tracker *t, const pose *seed, int64_t timestamp_ns, a
     if (fits_better(t->config, &other, icp)) *icp = other;
 }
 
-/* Alignment from the seed has failed, and the seed may be too far off: others about it are tried. */
+/* After alignment from the seed has failed, as when the seed is too far off: tries other poses around it. */
 static void search(tracker *t, const align_prior *seed, attempt *icp) {
     pose best[SEARCH_BEST];
     if (!worth_another_try(icp->verdict) || t->config->against != FATHOM_AGAINST_MODEL ||
@@ -158,7 +159,7 @@ static void search(tracker *t, const align_prior *seed, attempt *icp) {
     }
 }
 
-/* Lost for long: this frame isn't looked for. */
+/* Lost for long: this frame isn't searched for. */
 static bool rests(const tracker *t) {
     return t->missed >= EAGER && t->missed % RARE != 0;
 }

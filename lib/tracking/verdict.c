@@ -104,7 +104,7 @@ bool undoubted(const fathom_config *c, const attempt *a) {
     return a->verdict == FATHOM_VERDICT_TRACKING && (unseen || a->innovation < UNDOUBTED_SIGMAS);
 }
 
-/* Squared distances summed; of `pixels` that could have pairs, those without are far. */
+/* Sum of squared distances; those of the `pixels` without a pair count as far. */
 static double misfit(const fathom_config *c, const alignment *icp, int pixels) {
     return icp->pairs * icp->rms * icp->rms + (pixels - icp->pairs) * c->max_rms_m * c->max_rms_m;
 }
