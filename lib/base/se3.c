@@ -89,7 +89,7 @@ void so3_exp(const double w[3], double r[9]) {
 }
 
 void so3_log(const double r[9], double w[3]) {
-    /* By the unit quaternion, whose largest component is found first, so that half a turn is no special case. */
+    /* Uses the unit quaternion, largest component first, so that half a turn is no special case. */
     double q[4];
     double trace = r[0] + r[4] + r[8];
     int i = 0;
@@ -233,7 +233,7 @@ fathom_pose pose_give(const pose *a) {
         q[1] = r[2] - r[6];
         q[2] = r[3] - r[1];
         q[3] = 1 + trace;
-    } else { /* from the largest on the diagonal: no small number is divided by */
+    } else { /* from the largest on the diagonal, to avoid division by small numbers */
         int i = r[0] > r[4] ? (r[0] > r[8] ? 0 : 2) : (r[4] > r[8] ? 1 : 2), j = (i + 1) % 3, k = (i + 2) % 3;
         q[i] = 1 + r[4 * i] - r[4 * j] - r[4 * k];
         q[j] = r[3 * i + j] + r[3 * j + i];

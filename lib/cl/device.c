@@ -43,7 +43,7 @@ static int consider(device *d, cl_platform_id platform, const char *platform_nam
     return score;
 }
 
-/* How the kernels are built for the chosen device. */
+/* Sets the build parameters of the kernels for the chosen device. */
 static void choose_shape(device *d) {
     cl_uint vector = 1;
     clGetDeviceInfo(d->id, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof vector, &vector, NULL);

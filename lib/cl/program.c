@@ -24,14 +24,14 @@ static uint64_t fnv(uint64_t h, const char *text) {
     return fnv_bytes(h, (const unsigned char *)text, strlen(text));
 }
 
-/* A file of built kernels begins with this: an OpenCL runtime may end the program over a binary that was cut off, or is
- * another's. */
+/* The header of a file of built kernels: an OpenCL runtime may crash on a binary that is truncated or for another
+ * device. */
 typedef struct {
     uint64_t built_for;  /* identity */
     uint64_t size, hash; /* of what follows */
 } cache_header;
 
-/* What a built program depends on: the sources, options, device and driver at hand. */
+/* Hash of everything that a built program depends on: sources, options, device and driver. */
 static uint64_t identity(device *d, const char *options) {
     char text[256];
     uint64_t h = fnv(FNV_START, options);
@@ -46,7 +46,7 @@ static uint64_t identity(device *d, const char *options) {
     return h;
 }
 
-/* The cache file for that; false: no cache is wanted or can be had. */
+/* The cache file for that; false: no cache, or none is possible. */
 static bool cache_path(device *d, uint64_t built_for, char *path, size_t size) {
     const char *folder = d->config->cache_folder;
     char home[PATH_MAX];
@@ -107,7 +107,7 @@ static bool program_to_file(device *d, const char *path, uint64_t built_for) {
     if (data == MAP_FAILED) return false;
     cache_header *header = data;
     unsigned char *bytes = data, *binary = bytes + sizeof *header;
-    char part[PATH_MAX]; /* beside the file, so that it gets its name whole or not at all */
+    char part[PATH_MAX]; /* beside the file, which appears whole or not at all */
     bool fits = snprintf(part, sizeof part, "%s.%d", path, (int)getpid()) < (int)sizeof part;
     if (!fits)
         log_write(d->config, FATHOM_LOG_WARNING, "built kernels can't be written: the path is too long: %s",

@@ -30,7 +30,7 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
                    height, p->width, p->height);
         return FATHOM_ERROR_CONFIG;
     }
-    /* averaging n pixels puts the new pixel's centre amid them */
+    /* the centre of n averaged pixels is in their middle */
     float n = (float)(p->width / width), shift = 0.5f * (n - 1);
     *camera = kernel_camera_of(width, height, (float)p->fx / n, (float)p->fy / n, ((float)p->cx - shift) / n,
                                ((float)p->cy - shift) / n);
@@ -45,7 +45,7 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
         m->camera[i] = kernel_camera_of(f.width / 2, f.height / 2, f.fx / 2, f.fy / 2, (f.cx - 0.5f) / 2,
                                         (f.cy - 0.5f) / 2);
     }
-    /* what is noisier than the surface is thick fills the pool and says nothing */
+    /* depth with more noise than the surface's thickness fills the pool without information */
     float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m) - c->depth_noise_base_m;
     float far_m = c->depth_noise_growth_per_m > 0 ? sqrtf(fmaxf(thick, 0) / c->depth_noise_growth_per_m)
                                                   : c->max_depth_m;

@@ -1,5 +1,4 @@
-/* The rig's mounting rotation and clock offset while scanning: as the settings say, or refined
- * (inertial/extrinsics.h). */
+/* The rig's mounting rotation and clock offset while scanning: the settings', or refined (inertial/extrinsics.h). */
 #include <math.h>
 #include <string.h>
 
@@ -13,7 +12,7 @@ void inertial_rig_reset(inertial *n) {
                       c->gyro_bias_sigma_rad_s);
 }
 
-/* From here on the rig is another, for the samples at hand as well. */
+/* Applies a correction of the rig, to the present samples as well. */
 static void apply(inertial *n, const double mounting[3], double offset) {
     samples_remount(&n->samples, mounting, llround(1e9 * offset));
     if (!n->running) return;

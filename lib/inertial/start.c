@@ -5,7 +5,7 @@
 
 #include "inertial/strapdown.h"
 
-/* Gravity, from the specific force of the last quarter of a second, as if that had been without acceleration. */
+/* Gravity, from the specific force of the last quarter of a second, assuming no acceleration. */
 void inertial_start(inertial *n, const pose *accepted, int64_t timestamp_ns) {
     const fathom_config *c = n->config;
     navigator s;

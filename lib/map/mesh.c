@@ -40,7 +40,7 @@ static bool count(mesh_walk *w, mesher *m, device *d) {
     return mapped;
 }
 
-/* Emits blocks first..first+blocks-1, which make `triangles` in all, and hands them over. */
+/* Emits the triangles of blocks first..first+blocks-1, `triangles` in all, and passes them to the callback. */
 static int emit(mesher *m, device *d, volume *v, const kernel_surface *f, int first, int blocks,
                 const cl_int *counts, int triangles, fathom_triangles callback, void *user) {
     cl_int *offsets = device_map(d, &m->offsets, CL_MAP_WRITE);
@@ -51,7 +51,8 @@ static int emit(mesher *m, device *d, volume *v, const kernel_surface *f, int fi
     }
     device_unmap(d, &m->offsets, offsets);
     cl_int from = first;
-    /* groups of one: Intel's compiler for CPUs (2026.2.0), given more, makes wrong normals of several blocks at once */
+    /* groups of one: Intel's compiler for CPUs (2026.2.0), with more, computes wrong normals for several blocks at
+     * once */
     RUN(d, m->emit, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory), ARG(*f),
         ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->offsets.memory),
         ARG(m->vertices.memory));

@@ -40,7 +40,7 @@ void raycast_near(raycaster *r, device *d, depth_maps *maps, const pose *camera_
     cl_int rays_marched = marched;
     const kernel_camera *camera = &maps->camera[FINEST];
     kernel_rigid to_world = kernel_rigid_of(camera_to_world);
-    reach_m = fminf(reach_m, maps->source.max_m); /* a seed that knows nothing must not make rays endless */
+    reach_m = fminf(reach_m, maps->source.max_m); /* an unknown seed must not make rays endless */
     RUN(d, r->raycast_near, (size_t)((camera->width + d->lanes - 1) / d->lanes), (size_t)camera->height,
         d->cpu ? 1 : 0, ARG(r->from->pool.voxels.memory), ARG(r->from->table.entries.memory),
         ARG(r->from->surface), ARG(*camera), ARG(to_world), ARG(maps->depth[FINEST].memory), ARG(reach_m),
