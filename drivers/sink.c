@@ -1,4 +1,4 @@
-/* Sinks: what is the same for all of them. */
+/* The common parts of all sinks. */
 #include "sink.h"
 
 #include <math.h>
@@ -93,7 +93,7 @@ int fathom_sink_get_status(fathom_sink *sink, fathom_sink_status *status) {
 
 const char *fathom_sink_last_error(fathom_sink *sink) {
     if (!sink) return "";
-    pthread_mutex_lock(&sink->lock); /* the text never changes once it is there */
+    pthread_mutex_lock(&sink->lock); /* the text never changes once it is set */
     const char *text = sink->error ? sink->text : "";
     pthread_mutex_unlock(&sink->lock);
     return text;

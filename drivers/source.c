@@ -1,4 +1,4 @@
-/* Sources: the table of drivers, and what is the same for all of them. */
+/* Sources: the table of drivers, and their common parts. */
 #include "source.h"
 
 #include <math.h>

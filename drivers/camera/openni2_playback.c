@@ -11,7 +11,7 @@
 #include "source_log.h"
 #include "source_queue.h"
 
-#define MOST_COMPLAINTS 3 /* lines in the log of frames that made no sense */
+#define MOST_COMPLAINTS 3 /* maximum log lines about invalid frames */
 
 typedef struct {
     fathom_source base;

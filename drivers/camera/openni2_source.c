@@ -26,7 +26,7 @@ static void describe_device(openni2_device *d, const OniDeviceInfo *info) {
     snprintf(d->name, sizeof d->name, "%.40s %.50s", info->vendor, info->name);
 }
 
-/* The cameras that libOpenNI2 lists, at most `most`; their number. */
+/* Lists libOpenNI2's cameras, maximum `most`; returns their number. */
 static int list_devices(openni2_device *devices, int most) {
     OniDeviceInfo *list = NULL;
     int count = 0;
@@ -45,7 +45,7 @@ static int list_devices(openni2_device *devices, int most) {
     return count;
 }
 
-/* Opens it for a moment: its serial, and whether it can be opened. */
+/* Opens it briefly, for its serial number and to see whether it can be opened. */
 static int probe(openni2_device *d, char *why, size_t size) {
     int result = FATHOM_OK;
     openni2_lock();
@@ -261,7 +261,7 @@ static bool is_file(const char *address) {
            (stat(address, &status) == 0 && S_ISREG(status.st_mode));
 }
 
-/* What to say when there is no such camera. */
+/* The error for a missing camera. */
 static int explain_absence(openni2_source *s, const char *address, int listed) {
     openni2_usb cameras[MOST_DEVICES];
     char why[256];

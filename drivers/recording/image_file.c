@@ -14,7 +14,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-/* Larger than any depth camera; keeps a corrupt header from asking for gigabytes. */
+/* Larger than any depth camera; prevents allocation of gigabytes for a corrupt header. */
 #define LARGEST_SIDE 16384
 
 struct png_job {
@@ -34,7 +34,7 @@ static int fail(const char *path, const char *what, char *error, size_t error_si
 
 static void on_error(png_structp png, png_const_charp message) {
     struct png_job *job = png_get_error_ptr(png);
-    /* A failed write shows as libpng's "Write Error"; the system's reason (disk full) is what helps. */
+    /* libpng reports a failed write as "Write Error"; the system's reason (disk full) is more useful. */
     if (job->file && ferror(job->file) && errno)
         message = strerror(errno);
     else if (job->file && feof(job->file))
@@ -100,7 +100,7 @@ static int read_rows(struct png_job *job, uint16_t *pixels, size_t capacity, int
         else
             for (png_uint_32 x = 0; x < w; x++) out[x] = job->row[x];
     }
-    png_read_end(job->png, NULL); /* finds a file cut after its last row */
+    png_read_end(job->png, NULL); /* detects a file truncated after its last row */
     *width = (int)w;
     *height = (int)h;
     return 0;
@@ -196,7 +196,7 @@ int image_write(const char *path, const image_pixels *picture, char *error, size
         fail(path, "out of memory", error, error_size);
     if (job.png) png_destroy_write_struct(&job.png, &job.info);
     free(job.row);
-    /* What stdio still held goes to the disk now: a full disk shows here at the latest. */
+    /* Writes stdio's buffer to the disk: a full disk shows here at the latest. */
     errno = 0;
     const int bad_flush = fflush(job.file) || ferror(job.file);
     const int flush_errno = errno;

@@ -12,8 +12,7 @@ const char *recording_intrinsics_fault(const fathom_pinhole *camera) {
     const int width = camera->width, height = camera->height;
     if (!isfinite(fx) || !isfinite(fy) || !isfinite(cx) || !isfinite(cy)) return "must be finite";
     if (fx <= 0 || fy <= 0) return "fx and fy must be above zero";
-    /* Views wider than 157 degrees or narrower than 3 are other units (normalised, millimetres), not such a
-     * camera. */
+    /* Views wider than 157 degrees or narrower than 3 indicate other units (normalised, millimetres). */
     if (fx < 0.1 * width || fx > 20.0 * width || fy < 0.1 * height || fy > 20.0 * height)
         return "fx and fy don't suit the size of the frames; they are in pixels";
     if (cx <= 0 || cx >= width || cy <= 0 || cy >= height)

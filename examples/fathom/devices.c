@@ -1,4 +1,4 @@
-/* fathom devices: what each driver sees, what it lacks, and the fix. */
+/* fathom devices: each driver's devices, its problems, and the fix. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom_drivers.h"

@@ -1,4 +1,4 @@
-/* fathom kernels: built kernels in a file, for boards where no compiler shall run. */
+/* fathom kernels: builds kernels into a file, for boards without a compiler. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/option_values.h"

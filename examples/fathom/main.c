@@ -1,4 +1,4 @@
-/* fathom: the command line. Each command is a file of its own; here is only the list of them. */
+/* fathom: the command line. Each command has its own file; this one has the list of them. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/help.h"
@@ -49,7 +49,7 @@ static int run(int argc, char **argv) {
 
 int main(int argc, char **argv) {
     const int status = run(argc, argv);
-    /* What was printed may still be in stdio's buffer; a full disk behind stdout is a failure like any other. */
+    /* Output may still be in stdio's buffer; a full disk behind stdout is a failure like any other. */
     const bool lost = fflush(stdout) || ferror(stdout);
     if (status != CLI_DONE && status != CLI_HELPED) return status;
     return lost ? cli_error(CLI_FAILED, "standard output: %s", strerror(errno)) : CLI_DONE;

@@ -1,4 +1,4 @@
-/* fathom selftest: every kernel against the C reference on the present device. */
+/* fathom selftest: checks every kernel against the C reference on the device. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/log.h"

@@ -4,7 +4,7 @@
 
 #include "selftest/kernel_checks_bench.h"
 
-#define UNWRITTEN 9.0f /* what output pixels hold before */
+#define UNWRITTEN 9.0f /* initial value of output pixels */
 /* Four or five operations in single precision (6e-8 each). */
 #define DEPTH_TOLERANCE 1e-6
 
@@ -74,7 +74,7 @@ fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) 
                                  .metres_per_unit = factor % 2 ? 0.001f : 0.0002f,
                                  .min_m = 0.3f,
                                  .max_m = kind == 1 ? 5 : 100};
-        if (kind == 2) { /* a Kinect's, and then one so strong that corners leave the picture */
+        if (kind == 2) { /* a Kinect's, and then one so strong that corners leave the image */
             const float k[2][5] = {{-0.26f, 0.75f, -0.0009f, 0.0023f, -0.7f},
                                    {0.9f, 0.4f, 0.02f, -0.03f, 0.2f}};
             const float *q = k[factor % 2];

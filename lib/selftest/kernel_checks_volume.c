@@ -18,8 +18,8 @@ static bool listed(const cl_int4 *list, int count, const cl_int4 *block) {
     return false;
 }
 
-/* Each missing block that a tile's rays meet is asked for by it or by an earlier tile of the same work-item, unless
- * slots ran out on the way; nothing else is, nor anything twice. */
+/* Each missing block that a tile's rays meet is requested by it or by an earlier tile of the same work-item, unless
+ * slots ran out; no other block is, and none twice. */
 static void compare_tile(bench *b, const cl_int4 *requests, const int *counts, int tile, int tiles_x,
                          int sharing, const cl_int4 *met, int met_count, ref_volume *v) {
     const cl_int4 *slots = requests + tile * TILE_SLOTS;
@@ -215,7 +215,7 @@ void compare_pack_planes(bench *b, const float *depth, const float *normals, con
         else
             bench_near(b, "pack_planes: weight", x, y, p.weight, floor(want.weight + 0.5), 0);
     }
-    /* what is cut off w mustn't move the surface: on average less than a fifth of the last bit that is left */
+    /* truncation of w mustn't move the surface: on average less than a fifth of the last remaining bit */
     if (held >= 400) bench_near(b, "pack_planes: mean shift of planes", 0, 0, shifts / held, 0, 0.2);
     bench_free(b);
     free(got);

@@ -45,7 +45,7 @@ static void mark(uint8_t *doubt, int index, bool value) {
 #define PIXEL_SLACK 2e-3 /* the distortion's polynomial in single precision, at 640 pixels */
 #define BAND_SLACK 1e-5  /* of a depth of up to 10 m, after four operations */
 
-/* The metric depth that the ideal pinhole sees at a pixel; 0: none. */
+/* The metric depth at a pixel of the ideal pinhole; 0: none. */
 static double metric_depth(const uint16_t *raw, const kernel_depth_source *s, int x, int y, bool *doubt) {
     if (s->lens) { /* OpenCV's order */
         double u = (x - (double)s->cx) / s->fx, v = (y - (double)s->cy) / s->fy, r2 = u * u + v * v;
@@ -110,7 +110,7 @@ void ref_halve_depth(const float *fine, const kernel_camera *f, const kernel_cam
         }
 }
 
-/* A known depth, or 0 outside of the picture. */
+/* A known depth, or 0 outside of the image. */
 static double known(const float *depth, const kernel_camera *c, int x, int y) {
     return x >= 0 && y >= 0 && x < c->width && y < c->height ? depth[ref_at(c, x, y)] : 0;
 }
@@ -138,7 +138,7 @@ void ref_smooth_depth(const float *depth, const kernel_camera *c, cl_float2 nois
 
 /* A neighbour farther off in depth is across an edge: this many sigma, and what a slope of 75 degrees makes (4). */
 #define EDGE_SIGMAS 4
-/* A bend of so many sigma halves the confidence. */
+/* A bend of this many sigma halves the confidence. */
 #define BEND_SIGMAS 3
 
 /* Slope and bend along an axis, from the neighbours on the same surface. Returns how many there are. */

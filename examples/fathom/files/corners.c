@@ -33,7 +33,7 @@ static bool same_position(const float a[3], const float b[3]) {
 
 /* ---- the file --------------------------------------------------------------------------------------------------- */
 
-/* Reads vertices number..number+count-1 of the `written` that the file has. */
+/* Reads vertices number..number+count-1. */
 static bool read_vertices(struct corners *c, uint32_t number, size_t count, unsigned char *bytes) {
     if (number + count > c->readable) {
         if (fflush(c->file)) return false;
@@ -74,7 +74,8 @@ static uint64_t next_place(const struct corners *c, uint64_t place) {
     return place + 1 < c->size ? place + 1 : 0;
 }
 
-/* A larger table, filled again from the file; the old one goes first, so that both are never in memory at once. */
+/* Makes a larger table and fills it from the file; frees the old one first, so that both are never in memory at
+ * once. */
 static bool grow(struct corners *c) {
     unsigned char bytes[CHUNK * CORNER_BYTES];
     free(c->numbers);

@@ -29,7 +29,7 @@ static void put_float(unsigned char *out, float value) {
     put_u32(out, bits);
 }
 
-/* The header always has the same length: what the counts leave over fills up a comment. */
+/* The header always has the same length: a comment is padded to make up for the counts' lengths. */
 static bool write_header(struct ply *ply) {
     static const char filler[] = "........................................";
     char counts[64];
@@ -101,7 +101,7 @@ int ply_triangles(void *user, const fathom_vertex *vertices, size_t triangle_cou
     struct ply *ply = user;
     for (size_t i = 0; i < triangle_count && !ply->failed; i++) {
         const fathom_vertex *corner = vertices + 3 * i;
-        /* A triangle that has shrunk to an edge shows nothing and upsets other tools. */
+        /* A triangle that has shrunk to an edge is invisible, and other tools reject it. */
         if (same_position(corner[0].position, corner[1].position) ||
             same_position(corner[1].position, corner[2].position) ||
             same_position(corner[2].position, corner[0].position))
@@ -143,7 +143,7 @@ bool ply_close(struct ply *ply) {
     }
     if (good) {
         free(ply->vertices_path);
-        ply->vertices_path = NULL; /* it has become the file itself */
+        ply->vertices_path = NULL; /* it has been renamed to the file itself */
     }
     ply_discard(ply);
     return good;

@@ -1,4 +1,4 @@
-/* fathom scan: live sources go through the library as they come. */
+/* fathom scan: feeds live sources to the library. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/library.h"
@@ -12,7 +12,7 @@
 #include <signal.h>
 #include <stdlib.h>
 
-#define SLICE_MS 100 /* between two looks whether to end */
+#define SLICE_MS 100 /* interval of checks for the end */
 
 struct scan {
     struct live_options live;
@@ -64,7 +64,7 @@ static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
     return CLI_DONE;
 }
 
-/* While no frames come, the samples that go on must not fill the ring. */
+/* Without frames, arriving samples must not fill the ring. */
 static void keep_reckoning(struct scan *scan) {
     fathom_motion motion = FATHOM_STRUCT(fathom_motion);
     if (scan->last_ns != INT64_MIN)
@@ -123,7 +123,7 @@ static int run(const struct command *command, int argc, char **argv) {
     scan.log.verbose = scan.rig_log.verbose = scan.live.verbose;
     scan.last_ns = INT64_MIN;
     cli_catch_interrupt();
-    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
+    signal(SIGXFSZ, SIG_IGN); /* at the file size limit, writing then fails with a message instead of a kill */
 
     fathom_config *config = &scan.settings.config;
     status = live_rig_open(&scan.rig, &scan.live, &scan.rig_log);

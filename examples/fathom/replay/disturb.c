@@ -12,8 +12,7 @@ static int range_of(const struct frame_ranges *ranges, int frame) {
     return -1;
 }
 
-/* The median valid depth, in units, of frames from..to-1 together; 0 when they show nothing, -1 when one
- * can't be read. */
+/* The median valid depth, in units, of frames from..to-1 together; 0 when they are empty, -1 when one can't be read. */
 static int median_units(const fathom_recording *recording, int from, int to, uint16_t *pixels) {
     const size_t count = (size_t)recording->camera.width * (size_t)recording->camera.height;
     uint64_t *histogram = calloc(65536, sizeof *histogram);
@@ -144,7 +143,7 @@ static bool render_wall(const struct disturb *disturb, const struct disturb_wall
 bool disturb_render(const struct disturb *disturb, int frame, uint16_t *pixels) {
     const size_t count = (size_t)disturb->recording->camera.width * (size_t)disturb->recording->camera.height;
     const int card = range_of(disturb->cards, frame), wall = range_of(disturb->walls, frame);
-    /* A covered lens sees neither wall nor card, and a card hides the wall. */
+    /* A covered lens hides wall and card, and a card hides the wall. */
     if (range_of(disturb->outages, frame) >= 0) {
         memset(pixels, 0, count * sizeof *pixels);
     } else if (card >= 0) {

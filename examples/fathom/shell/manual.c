@@ -6,8 +6,7 @@
 
 #include "fathom.h"
 
-/* What roff would take for more than itself: a backslash, a dash that is to stay one, a dot or quote that begins a
- * line. */
+/* Characters to escape for roff: a backslash, a dash that is to stay one, a dot or quote at the beginning of a line. */
 static void put_text(const char *text) {
     bool begun = true; /* of a line */
     for (; *text; text++) {
@@ -38,7 +37,7 @@ static void put_row(const struct option_row *row) {
     putchar('\n');
 }
 
-/* The first command before this one that has the same table, or NULL. */
+/* The first command before this one with the same table, or NULL. */
 static const struct command *first_with(const struct option_group *group,
                                         const struct command *const *commands,
                                         const struct command *present) {

@@ -103,8 +103,7 @@ static int take_word(const struct command *command, void *into, int taken, const
 
 /* ---- reading ---- */
 
-/* getopt_long takes the beginning of a name for the name; a script that relied on that would break with the next
- * option. */
+/* getopt_long accepts abbreviated names; a script that relied on them would break with the next new option. */
 static bool is_whole(const struct option_row *row, char **argv) {
     const char *word = argv[optind - 1];
     if (row->argument && optarg == word) word = argv[optind - 2];
@@ -121,9 +120,9 @@ int options_read(const struct command *command, void *into, int argc, char **arg
     for (int i = 0; i < count; i++)
         table[i + 1] = (struct option){rows[i]->name + 2, rows[i]->argument ? required_argument : no_argument,
                                        NULL, FIRST + i};
-    optind = 0; /* begin anew, whoever used getopt before */
+    optind = 0; /* begin anew after any previous use of getopt */
     opterr = 0;
-    /* -: words come in their order, as 1; and the arguments stay where they are. */
+    /* -: words are returned in order, as 1, and the arguments aren't permuted. */
     for (int kind; (kind = getopt_long(argc, argv, "-:h", table, NULL)) != -1;) {
         const int about = kind == ':' || kind == '?' ? optopt : kind;
         const struct option_row *row = about >= FIRST ? rows[about - FIRST] : NULL;

@@ -8,7 +8,7 @@
 
 #define NAME_SIZE 64
 
-/* The setting that was likely meant; false: there is none. */
+/* The setting to suggest; false: none. */
 static bool find_nearest(const char *name, char nearest[NAME_SIZE]) {
     fathom_setting setting = FATHOM_STRUCT(fathom_setting);
     int fewest = near_name_limit(name);

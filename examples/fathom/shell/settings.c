@@ -26,7 +26,7 @@ static bool set_threads(void *into, const char *option, const char *text) {
     return true;
 }
 
-/* ICP's usual start, the frame before's pose (Section 3.1). The sigma grows as a hand may turn and move. */
+/* ICP's usual start, the previous frame's pose (Section 3.1). The sigma grows as hand-held motion may. */
 static int stay(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motion) {
     const double turn = 1.0, speed = 0.5; /* rad/s, m/s */
     const double dt = 1e-9 * ((double)to_ns - (double)from_ns);
@@ -65,7 +65,7 @@ static bool set_iterations(void *into, const char *option, const char *text) {
     return sum > 0;
 }
 
-/* What has an option of its own stays as that says. */
+/* Settings with their own option keep its value. */
 static bool set_preset(void *into, const char *option, const char *text) {
     struct settings *settings = into;
     int choice;
