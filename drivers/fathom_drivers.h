@@ -60,8 +60,7 @@ typedef struct {
 /* A reference pose, camera to world. */
 typedef struct {
     int64_t timestamp_ns; /* depth clock */
-    double position[3];   /* metres */
-    double quaternion[4]; /* x y z w, unit length */
+    fathom_pose pose;
 } fathom_recording_pose;
 
 /* How to open a recording. Zero beside struct_size is usable: everything from the files, silently. */
@@ -69,7 +68,7 @@ typedef struct {
     uint32_t struct_size;
     const char *imu_file;         /* instead of imu.txt (a path as it is). "": no IMU. NULL: imu.txt */
     double depth_units_per_metre; /* instead of rig.txt's depth_scale. 0: rig.txt's */
-    double intrinsics[4];         /* fx fy cx cy instead of calibration.txt's. All 0: the file's */
+    fathom_pinhole camera;        /* instead of calibration.txt's; its size isn't looked at. fx 0: the file's */
     fathom_log log;               /* NULL: silent. Must outlive the recording */
     void *log_user;
 } fathom_recording_options;
@@ -81,9 +80,7 @@ typedef struct {
     uint32_t unused;
     const char *folder;
 
-    int width, height;    /* pixels, of the first depth frame */
-    double intrinsics[4]; /* fx fy cx cy, pixels */
-    double distortion[5]; /* k1 k2 p1 p2 k3 (Brown-Conrady, OpenCV's order) */
+    fathom_pinhole camera; /* of the depth; its size is the first frame's */
     double depth_units_per_metre;
     bool intrinsics_assumed;  /* no calibration.txt, no option: the TUM default was taken */
     bool depth_units_assumed; /* not in rig.txt, no option: 5000 (TUM, ETH3D) was taken */
@@ -93,10 +90,9 @@ typedef struct {
     int64_t imu_clock_offset_ns;         /* added to an IMU stamp to get the depth clock */
     double gravity;                      /* m/s^2; 0: not given */
 
-    bool has_color_intrinsics;            /* rig.txt has them; else colour is registered or unknown */
-    double color_intrinsics[4];           /* fx fy cx cy, pixels */
-    double color_to_depth_rotation[9];    /* row-major: v_depth = R v_color + t */
-    double color_to_depth_translation[3]; /* metres */
+    bool has_color_camera;      /* rig.txt has it; else colour is registered or unknown */
+    fathom_pinhole color_camera; /* of unknown size: 0 x 0 */
+    fathom_pose color_to_depth; /* maps points in the colour camera's axes to the depth camera's */
 
     int frame_count;
     const fathom_recording_frame *frames; /* by time */
@@ -135,7 +131,7 @@ FATHOM_API int fathom_recording_read_depth(const fathom_recording *recording, in
  * (position linearly, rotation on the sphere), else it is the nearest one within 20 ms. FATHOM_ERROR_NO_DATA
  * when there is none. */
 FATHOM_API int fathom_recording_pose_at(const fathom_recording *recording, int64_t timestamp_ns,
-                                        fathom_recording_pose *pose);
+                                        fathom_pose *pose);
 
 /* ---- sources ------------------------------------------------------------------------------------------- */
 
@@ -250,8 +246,8 @@ FATHOM_API void fathom_source_cancel(fathom_source *source);
 typedef struct {
     uint32_t struct_size;
     uint32_t unused;
-    const fathom_depth_frame *depth; /* as fathom_step takes it; the source's, valid until the next read, stop or close */
-    const uint8_t *color;     /* 3 bytes (R, G, B) per pixel, registered to the depth; NULL: none. As long as depth */
+    const fathom_depth_frame *depth; /* as fathom_step takes it, with the colour image where options.color asked for it and one
+                                 was taken at that time; the source's, valid until the next read, stop or close */
     int64_t arrival_ns;       /* CLOCK_MONOTONIC, when the host had it whole */
     int64_t device_ns;        /* the device's own stamp; 0: none */
     int64_t index;            /* the device's frame number; jumps where frames were lost */
@@ -270,8 +266,7 @@ typedef struct {
     int32_t state;                /* fathom_source_state */
     uint32_t kinds;               /* FATHOM_SOURCE_DEPTH, ... */
     char name[96], serial[64];
-    int32_t width, height;        /* depth pixels; 0: no depth */
-    double intrinsics[4];         /* fx fy cx cy, pixels; from the field of view where the device doesn't know them */
+    fathom_pinhole camera;        /* of the depth; from the field of view where the device doesn't know it. 0 x 0: no depth */
     double depth_units_per_metre;
     double rate_hz;               /* as measured over the last second or so; 0: not yet */
     int64_t frames, samples;      /* received whole */
@@ -327,7 +322,7 @@ typedef struct {
 typedef struct {
     uint32_t struct_size;
     bool has_imu;                          /* the imu_* fields and gravity hold */
-    fathom_pinhole camera;                 /* of the depth; no distortion, or five coefficients */
+    fathom_pinhole camera;                 /* of the depth */
     double depth_units_per_metre;
     double imu_to_camera_rotation_deg[3];  /* rotation vector: v_camera = R v_imu */
     double imu_to_camera_translation_m[3]; /* the IMU's origin in camera axes */
@@ -349,7 +344,7 @@ typedef struct {
  * options may be NULL. On an error *sink is NULL, and the log says why. */
 FATHOM_API int fathom_sink_open(fathom_sink **sink, const char *uri, const fathom_sink_options *options);
 
-/* calibration.txt and rig.txt; a later call replaces them. FATHOM_ERROR_UNSUPPORTED for a lens of eight coefficients. */
+/* calibration.txt and rig.txt; a later call replaces them. */
 FATHOM_API int fathom_sink_write_rig(fathom_sink *sink, const fathom_sink_rig *rig);
 
 /* A frame of depth, as a 16-bit PNG that is named by its stamp. Its confidence and image aren't written. */

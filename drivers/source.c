@@ -247,10 +247,8 @@ int fathom_source_configure(fathom_source *source, fathom_config *config) {
     } else {
         fathom_source_status status = FATHOM_STRUCT(fathom_source_status);
         const int result = source->does->status(source, &status);
-        if (result || status.width == 0) return result;
-        const double *k = status.intrinsics;
-        whole.depth_camera = (fathom_pinhole){
-            .width = status.width, .height = status.height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
+        if (result || status.camera.width == 0) return result;
+        whole.depth_camera = status.camera;
         whole.depth_units_per_metre = (float)status.depth_units_per_metre;
     }
     caller_config_give(config, common, &whole);

@@ -33,7 +33,11 @@ static bool make_slots(source_queue *q, int frames, int width, int height, bool 
         slot->about.height = height;
         slot->frame = FATHOM_STRUCT(fathom_source_frame);
         slot->frame.depth = &slot->about;
-        slot->frame.color = slot->color;
+        slot->image = FATHOM_STRUCT(fathom_image);
+        slot->image.format = FATHOM_IMAGE_RGB8;
+        slot->image.width = width;
+        slot->image.height = height;
+        slot->image.data = slot->color;
     }
     return true;
 }

@@ -24,8 +24,9 @@
 
 /* Room for one frame. */
 typedef struct {
-    fathom_source_frame frame; /* its depth and color are set by the queue */
-    fathom_depth_frame about;  /* what frame.depth leads to: the filling thread sets its stamp */
+    fathom_source_frame frame; /* its depth is set by the queue */
+    fathom_depth_frame about;  /* what frame.depth leads to: the filling thread sets its stamp, and its image where it has one */
+    fathom_image image;        /* of color: the filling thread sets its stamp */
     uint16_t *depth;           /* width * height */
     uint8_t *color;            /* 3 * width * height, or NULL */
 } source_slot;

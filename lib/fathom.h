@@ -23,6 +23,9 @@
  *   and is zeroed where it writes. Structs without struct_size never change.
  *   Enumerations in structs are int32_t, truth values are bool (one byte).
  *
+ * Names
+ *   fathom_verb_noun acts on a context, fathom_type_verb on a struct of that type or on an object such as a source.
+ *
  * Frames and units
  *   Camera axes: x right, y down, z forward (the optical axis). A pixel's centre has integer coordinates.
  *   A fathom_pose maps camera to world.

@@ -49,12 +49,13 @@ static void count_missing(openni2_source *s, int index) {
 }
 
 /* The newest colour frame goes with a depth frame taken within three quarters of a period. */
-static const uint8_t *color_for(openni2_source *s, int64_t device_ns, uint8_t *room) {
-    const int64_t apart_ns = llabs(device_ns - s->color_ns);
-    if (!room || !s->has_color || s->device.mode.fps <= 0 || apart_ns > 750000000 / s->device.mode.fps)
-        return NULL;
-    memcpy(room, s->color, 3 * (size_t)s->device.mode.resolutionX * (size_t)s->device.mode.resolutionY);
-    return room;
+static void add_color(openni2_source *s, int64_t device_ns, source_slot *slot) {
+    const int64_t apart_ns = s->color_ns - device_ns;
+    slot->about.image = NULL;
+    if (!slot->color || !s->has_color || s->device.mode.fps <= 0 || llabs(apart_ns) > 750000000 / s->device.mode.fps) return;
+    memcpy(slot->color, s->color, 3 * (size_t)s->device.mode.resolutionX * (size_t)s->device.mode.resolutionY);
+    slot->image.timestamp_ns = slot->about.timestamp_ns + apart_ns;
+    slot->about.image = &slot->image;
 }
 
 /* The device's stamp on the host's clock. */
@@ -68,8 +69,8 @@ static source_slot *fill_slot(openni2_source *s, const OniFrame *frame, int64_t 
     source_slot *slot = source_queue_next_frame(&s->queue);
     const int64_t device_ns = (int64_t)frame->timestamp * 1000;
     openni2_copy_depth(frame, s->device.mirrored, slot->depth);
-    slot->frame.color = color_for(s, device_ns, slot->color);
     slot->about.timestamp_ns = stamp_of(s, device_ns, arrival_ns);
+    add_color(s, device_ns, slot);
     slot->frame.device_ns = device_ns;
     slot->frame.arrival_ns = arrival_ns;
     slot->frame.index = frame->frameIndex;

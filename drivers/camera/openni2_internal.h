@@ -104,7 +104,8 @@ typedef struct {
     openni2_wish wish;
     openni2_device device;                 /* the worker's while there is one */
     char name[96], serial[64];             /* of the device */
-    double intrinsics[4], units_per_metre; /* as first opened */
+    fathom_pinhole camera; /* as first opened */
+    double units_per_metre;
     source_queue queue;
     openni2_worker *worker; /* NULL: stopped */
     OniCallbackHandle watch;

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "monotonic.h"
+#include "camera/field_of_view.h"
 #include "camera/openni2_oni.h"
 #include "camera/openni2_playback.h"
 #include "source_log.h"
@@ -105,12 +106,7 @@ static int oni_source_status(fathom_source *source, fathom_source_status *status
     source_queue_status(&s->queue, status);
     status->kinds = FATHOM_SOURCE_DEPTH;
     snprintf(status->name, sizeof status->name, "%.95s", s->path);
-    status->width = s->about.width;
-    status->height = s->about.height;
-    status->intrinsics[0] = s->about.width / (2 * tan(s->about.fov[0] / 2));
-    status->intrinsics[1] = s->about.height / (2 * tan(s->about.fov[1] / 2));
-    status->intrinsics[2] = (s->about.width - 1) / 2.0;
-    status->intrinsics[3] = (s->about.height - 1) / 2.0;
+    status->camera = camera_of_view(s->about.width, s->about.height, s->about.fov[0], s->about.fov[1]);
     status->depth_units_per_metre = s->about.units_per_metre;
     return FATHOM_OK;
 }

@@ -12,6 +12,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "camera/field_of_view.h"
 #include "camera/openni2_internal.h"
 #include "camera/openni2_playback.h"
 #include "source_log.h"
@@ -185,9 +186,7 @@ static int openni2_status(fathom_source *source, fathom_source_status *status) {
     status->kinds = FATHOM_SOURCE_DEPTH | (s->color ? FATHOM_SOURCE_COLOR : 0);
     snprintf(status->name, sizeof status->name, "%s", s->name);
     snprintf(status->serial, sizeof status->serial, "%s", s->serial);
-    status->width = s->queue.slots[0].about.width;
-    status->height = s->queue.slots[0].about.height;
-    for (int i = 0; i < 4; i++) status->intrinsics[i] = s->intrinsics[i];
+    status->camera = s->camera;
     status->depth_units_per_metre = s->units_per_metre;
     return FATHOM_OK;
 }
@@ -294,12 +293,9 @@ static int open_camera(openni2_source *s, const char *address) {
     return failure ? failure : explain_absence(s, address, count);
 }
 
-static void find_intrinsics(openni2_source *s) {
+static void find_camera(openni2_source *s) {
     const openni2_device *d = &s->device;
-    s->intrinsics[0] = d->mode.resolutionX / (2 * tan((double)d->fov[0] / 2));
-    s->intrinsics[1] = d->mode.resolutionY / (2 * tan((double)d->fov[1] / 2));
-    s->intrinsics[2] = (d->mode.resolutionX - 1) / 2.0;
-    s->intrinsics[3] = (d->mode.resolutionY - 1) / 2.0;
+    s->camera = camera_of_view(d->mode.resolutionX, d->mode.resolutionY, (double)d->fov[0], (double)d->fov[1]);
     s->units_per_metre = d->mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM ? 10000 : 1000;
 }
 
@@ -321,7 +317,7 @@ static void say_differences(const openni2_source *s) {
 static int finish_opening(openni2_source *s) {
     static OniDeviceCallbacks callbacks = {on_connected, on_disconnected, on_state};
     const int width = s->device.mode.resolutionX, height = s->device.mode.resolutionY;
-    find_intrinsics(s);
+    find_camera(s);
     say_differences(s);
     snprintf(s->name, sizeof s->name, "%s", s->device.name);
     snprintf(s->serial, sizeof s->serial, "%s", s->device.serial);

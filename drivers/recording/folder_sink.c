@@ -111,13 +111,13 @@ static int finish(folder_sink *s, FILE *file, const char *name) {
 
 /* The coefficients only where there is distortion. */
 static int write_calibration(folder_sink *s, const fathom_pinhole *camera) {
-    if (camera->lens != FATHOM_LENS_PINHOLE && camera->lens != FATHOM_LENS_FIVE)
-        return sink_fail(&s->base, FATHOM_ERROR_UNSUPPORTED, "%.900s: calibration.txt holds five coefficients at most",
-                         s->folder);
+    const int coefficients[] = {[FATHOM_LENS_PINHOLE] = 0, [FATHOM_LENS_FIVE] = 5, [FATHOM_LENS_RATIONAL] = 8};
+    if (camera->lens < FATHOM_LENS_PINHOLE || camera->lens > FATHOM_LENS_RATIONAL)
+        return sink_fail(&s->base, FATHOM_ERROR_ARGUMENT, "%.900s: lens %d", s->folder, camera->lens);
     FILE *file = create(s, "calibration.txt");
     if (!file) return FATHOM_ERROR_WRITE;
     fprintf(file, "%.10g %.10g %.10g %.10g", camera->fx, camera->fy, camera->cx, camera->cy);
-    for (int i = 0; i < 5 && camera->lens == FATHOM_LENS_FIVE; i++) fprintf(file, " %.10g", camera->coefficients[i]);
+    for (int i = 0; i < coefficients[camera->lens]; i++) fprintf(file, " %.10g", camera->coefficients[i]);
     fputc('\n', file);
     return finish(s, file, "calibration.txt");
 }

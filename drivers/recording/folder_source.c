@@ -126,9 +126,7 @@ static int folder_status(fathom_source *source, fathom_source_status *status) {
     status->kinds = s->kinds;
     snprintf(status->name, sizeof status->name, "%s", r->folder);
     if (s->kinds & FATHOM_SOURCE_DEPTH) {
-        status->width = r->width;
-        status->height = r->height;
-        for (int i = 0; i < 4; i++) status->intrinsics[i] = r->intrinsics[i];
+        status->camera = r->camera;
         status->depth_units_per_metre = r->depth_units_per_metre;
     }
     return FATHOM_OK;
@@ -196,7 +194,7 @@ static int folder_open(fathom_source **source, const char *address, const fathom
     if (!result)
         result = source_queue_make(&s->queue, s->kinds & FATHOM_SOURCE_IMU ? options->imu_capacity : 0,
                                    s->kinds & FATHOM_SOURCE_DEPTH ? options->frame_capacity : 0,
-                                   s->recording->width, s->recording->height, false);
+                                   s->recording->camera.width, s->recording->camera.height, false);
     if (result) {
         fathom_recording_close(s->recording);
         free(s);

@@ -19,8 +19,8 @@ static int find_size(struct recording *recording) {
     char error[512];
     char *path = recording_path(recording, recording->frames[0].file);
     if (!path) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
-    const int failed =
-        image_read_size(path, &recording->shown.width, &recording->shown.height, error, sizeof error);
+    fathom_pinhole *camera = &recording->shown.camera;
+    const int failed = image_read_size(path, &camera->width, &camera->height, error, sizeof error);
     free(path);
     return failed ? recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s", error) : FATHOM_OK;
 }
@@ -29,20 +29,23 @@ static int find_size(struct recording *recording) {
  * the pixels of one size lies at the middle of the other's: cx + 0.5 scales. */
 static int settle_intrinsics(struct recording *recording, const fathom_recording_options *options) {
     fathom_recording *shown = &recording->shown;
-    const double *given = options->intrinsics;
-    if (given[0] != 0 || given[1] != 0 || given[2] != 0 || given[3] != 0) {
-        const char *fault = recording_intrinsics_fault(given, shown->width, shown->height);
+    const int width = shown->camera.width, height = shown->camera.height;
+    if (options->camera.fx != 0) {
+        fathom_pinhole given = options->camera;
+        given.width = width;
+        given.height = height;
+        const char *fault = recording_intrinsics_fault(&given);
         if (fault)
             return recording_fail(recording, FATHOM_ERROR_ARGUMENT,
-                                  "intrinsics %g,%g,%g,%g for %dx%d frames: %s", given[0], given[1], given[2],
-                                  given[3], shown->width, shown->height, fault);
-        memcpy(shown->intrinsics, given, sizeof shown->intrinsics);
+                                  "intrinsics %g,%g,%g,%g for %dx%d frames: %s", given.fx, given.fy, given.cx,
+                                  given.cy, width, height, fault);
+        shown->camera = given;
     } else if (!recording->has_calibration) {
-        const double x = shown->width / 640.0, y = shown->height / 480.0;
-        shown->intrinsics[0] = tum_intrinsics[0] * x;
-        shown->intrinsics[1] = tum_intrinsics[1] * y;
-        shown->intrinsics[2] = (tum_intrinsics[2] + 0.5) * x - 0.5;
-        shown->intrinsics[3] = (tum_intrinsics[3] + 0.5) * y - 0.5;
+        const double x = width / 640.0, y = height / 480.0;
+        shown->camera.fx = tum_intrinsics[0] * x;
+        shown->camera.fy = tum_intrinsics[1] * y;
+        shown->camera.cx = (tum_intrinsics[2] + 0.5) * x - 0.5;
+        shown->camera.cy = (tum_intrinsics[3] + 0.5) * y - 0.5;
         shown->intrinsics_assumed = true;
     }
     return FATHOM_OK;
@@ -95,7 +98,7 @@ static int with_folder(struct recording **out, const char *folder, fathom_log lo
     recording->log = log;
     recording->log_user = log_user;
     memcpy(recording->shown.imu_to_camera_rotation, identity, sizeof identity);
-    memcpy(recording->shown.color_to_depth_rotation, identity, sizeof identity);
+    recording->shown.color_to_depth.orientation[3] = 1;
 
     const locale_t plain = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
     const locale_t before = plain ? uselocale(plain) : (locale_t)0;
@@ -124,14 +127,7 @@ int fathom_recording_open(fathom_recording **out, const char *folder,
 }
 
 static void configure(const fathom_recording *recording, fathom_config *config) {
-    const double *k = recording->intrinsics;
-    fathom_pinhole camera = {
-        .width = recording->width, .height = recording->height, .fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
-    for (int i = 0; i < 5; i++) {
-        camera.coefficients[i] = recording->distortion[i];
-        if (recording->distortion[i] != 0) camera.lens = FATHOM_LENS_FIVE;
-    }
-    config->depth_camera = camera;
+    config->depth_camera = recording->camera;
     config->depth_units_per_metre = (float)recording->depth_units_per_metre;
     for (int i = 0; i < 9; i++)
         config->imu_to_camera_rotation[i] = (float)recording->imu_to_camera_rotation[i];
@@ -146,12 +142,7 @@ static void configure(const fathom_recording *recording, fathom_config *config) 
 static int read_description(struct recording *recording, const void *user) {
     const fathom_config *config = user;
     fathom_recording *shown = &recording->shown;
-    shown->width = config->depth_camera.width;
-    shown->height = config->depth_camera.height;
-    shown->intrinsics[0] = config->depth_camera.fx;
-    shown->intrinsics[1] = config->depth_camera.fy;
-    shown->intrinsics[2] = config->depth_camera.cx;
-    shown->intrinsics[3] = config->depth_camera.cy;
+    shown->camera = config->depth_camera;
     char *rig = recording_path(recording, "rig.txt");
     const bool there = rig && access(rig, F_OK) == 0;
     free(rig);
@@ -171,9 +162,7 @@ int fathom_rig_configure(const char *folder, fathom_config *config, fathom_log l
     if (!folder || !common) return FATHOM_ERROR_ARGUMENT;
     const int result = with_folder(&recording, folder, log, log_user, read_description, &whole);
     if (result) return result;
-    const fathom_pinhole camera = whole.depth_camera;
     configure(&recording->shown, &whole);
-    if (!recording->has_calibration) whole.depth_camera = camera;
     caller_config_give(config, common, &whole);
     fathom_recording_close(&recording->shown);
     return FATHOM_OK;
@@ -206,17 +195,18 @@ int fathom_recording_read_depth(const fathom_recording *shown, int index, uint16
     if (!shown || !pixels || index < 0 || index >= shown->frame_count) return FATHOM_ERROR_ARGUMENT;
     char *path = recording_path(recording, shown->frames[index].file);
     if (!path) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", shown->folder);
-    const size_t capacity = (size_t)shown->width * (size_t)shown->height;
+    const fathom_pinhole *camera = &shown->camera;
+    const size_t capacity = (size_t)camera->width * (size_t)camera->height;
     const int failed = image_read_gray16(path, pixels, capacity, &width, &height, error, sizeof error);
     /* A larger frame fails for want of room; its header then tells the better reason. */
     if (failed) {
         char ignored[64];
         if (image_read_size(path, &width, &height, ignored, sizeof ignored)) width = height = 0;
     }
-    if (width && (width != shown->width || height != shown->height))
+    if (width && (width != camera->width || height != camera->height))
         result =
             recording_fail(recording, FATHOM_ERROR_SIZE, "%s: %dx%d, where the recording's frames are %dx%d",
-                           path, width, height, shown->width, shown->height);
+                           path, width, height, camera->width, camera->height);
     else if (failed)
         result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s", error);
     free(path);

@@ -36,7 +36,7 @@ int recording_read_imu(struct recording *recording, const char *path); /* NULL: 
 int recording_read_poses(struct recording *recording);
 
 /* NULL when fx fy cx cy can belong to pictures of that size, else what is wrong with them. */
-const char *recording_intrinsics_fault(const double intrinsics[4], int width, int height);
+const char *recording_intrinsics_fault(const fathom_pinhole *camera);
 
 /* Looks at a few frames and warns when the assumed depth scale can't be right. */
 int recording_judge_depth_scale(struct recording *recording);

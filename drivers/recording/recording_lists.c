@@ -170,7 +170,7 @@ static bool take_pose(struct text_file *text, struct list *list, struct faults *
     if (!place(list, stamp, faults, text->number, &item)) return false;
     if (item)
         *(fathom_recording_pose *)item = (fathom_recording_pose){
-            stamp, {v[0], v[1], v[2]}, {v[3] / norm, v[4] / norm, v[5] / norm, v[6] / norm}};
+            stamp, {{v[0], v[1], v[2]}, {v[3] / norm, v[4] / norm, v[5] / norm, v[6] / norm}}};
     return true;
 }
 

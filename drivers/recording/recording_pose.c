@@ -22,7 +22,7 @@ static void slerp(const double a[4], const double b[4], double s, double out[4])
 }
 
 int fathom_recording_pose_at(const fathom_recording *recording, int64_t timestamp_ns,
-                             fathom_recording_pose *pose) {
+                             fathom_pose *pose) {
     const int64_t widest_gap_ns = 40000000, furthest_ns = 20000000;
     if (!recording || !pose) return FATHOM_ERROR_ARGUMENT;
     const fathom_recording_pose *poses = recording->poses;
@@ -39,9 +39,8 @@ int fathom_recording_pose_at(const fathom_recording *recording, int64_t timestam
     if (a && b && b->timestamp_ns - a->timestamp_ns <= widest_gap_ns) {
         const double s =
             (double)(timestamp_ns - a->timestamp_ns) / (double)(b->timestamp_ns - a->timestamp_ns);
-        for (int i = 0; i < 3; i++) pose->position[i] = (1 - s) * a->position[i] + s * b->position[i];
-        slerp(a->quaternion, b->quaternion, s, pose->quaternion);
-        pose->timestamp_ns = timestamp_ns;
+        for (int i = 0; i < 3; i++) pose->position[i] = (1 - s) * a->pose.position[i] + s * b->pose.position[i];
+        slerp(a->pose.orientation, b->pose.orientation, s, pose->orientation);
         return FATHOM_OK;
     }
     if (a && timestamp_ns - a->timestamp_ns > furthest_ns) a = NULL;
@@ -51,7 +50,6 @@ int fathom_recording_pose_at(const fathom_recording *recording, int64_t timestam
         : a    ? a
                : b;
     if (!nearest) return FATHOM_ERROR_NO_DATA;
-    *pose = *nearest;
-    pose->timestamp_ns = timestamp_ns;
+    *pose = nearest->pose;
     return FATHOM_OK;
 }

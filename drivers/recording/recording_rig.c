@@ -7,10 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-const char *recording_intrinsics_fault(const double intrinsics[4], int width, int height) {
-    const double fx = intrinsics[0], fy = intrinsics[1], cx = intrinsics[2], cy = intrinsics[3];
-    for (int i = 0; i < 4; i++)
-        if (!isfinite(intrinsics[i])) return "must be finite";
+const char *recording_intrinsics_fault(const fathom_pinhole *camera) {
+    const double fx = camera->fx, fy = camera->fy, cx = camera->cx, cy = camera->cy;
+    const int width = camera->width, height = camera->height;
+    if (!isfinite(fx) || !isfinite(fy) || !isfinite(cx) || !isfinite(cy)) return "must be finite";
     if (fx <= 0 || fy <= 0) return "fx and fy must be above zero";
     /* Views wider than 157 degrees or narrower than 3 are other units (normalised, millimetres), not such a
      * camera. */
@@ -25,24 +25,28 @@ const char *recording_intrinsics_fault(const double intrinsics[4], int width, in
 
 static int read_calibration_line(struct recording *recording, const char *path, struct text_file *text) {
     fathom_recording *shown = &recording->shown;
-    double v[9] = {0};
+    double v[12] = {0};
     int count = 0;
     bool numbers = true;
-    while (count < 9 && numbers && !text_at_end(text)) numbers = text_number(text, &v[count++]);
-    if (!numbers || !text_at_end(text) || (count != 4 && count != 8 && count != 9))
+    while (count < 12 && numbers && !text_at_end(text)) numbers = text_number(text, &v[count++]);
+    if (!numbers || !text_at_end(text) || (count != 4 && count != 8 && count != 9 && count != 12))
         return recording_fail(recording, FATHOM_ERROR_CONFIG,
-                              "%s:%d: expected `fx fy cx cy [k1 k2 p1 p2 [k3]]`", path, text->number);
-    const char *fault = recording_intrinsics_fault(v, shown->width, shown->height);
+                              "%s:%d: expected `fx fy cx cy [k1 k2 p1 p2 [k3 [k4 k5 k6]]]`", path, text->number);
+    fathom_pinhole camera = {.width = shown->camera.width, .height = shown->camera.height,
+                             .fx = v[0], .fy = v[1], .cx = v[2], .cy = v[3]};
+    const char *fault = recording_intrinsics_fault(&camera);
     if (fault)
         return recording_fail(recording, FATHOM_ERROR_CONFIG,
                               "%s:%d: intrinsics %g %g %g %g for %dx%d frames: %s", path, text->number, v[0],
-                              v[1], v[2], v[3], shown->width, shown->height, fault);
-    for (int i = 4; i < 9; i++)
+                              v[1], v[2], v[3], camera.width, camera.height, fault);
+    for (int i = 4; i < 12; i++) {
         if (!isfinite(v[i]))
             return recording_fail(recording, FATHOM_ERROR_CONFIG, "%s:%d: distortion must be finite", path,
                                   text->number);
-    memcpy(shown->intrinsics, v, sizeof shown->intrinsics);
-    memcpy(shown->distortion, v + 4, sizeof shown->distortion);
+        camera.coefficients[i - 4] = v[i];
+        if (v[i] != 0) camera.lens = i < 9 ? FATHOM_LENS_FIVE : FATHOM_LENS_RATIONAL;
+    }
+    shown->camera = camera;
     recording->has_calibration = true;
     return FATHOM_OK;
 }
@@ -81,6 +85,16 @@ static void rotation_from_degrees(const double degrees[3], double r[9]) {
                            c * x * y + s * z,       1 - c * (x * x + z * z), c * y * z - s * x,
                            c * x * z - s * y,       c * y * z + s * x,       1 - c * (x * x + y * y)};
     memcpy(r, out, sizeof out);
+}
+
+/* The same as a unit quaternion x y z w. */
+static void orientation_from_degrees(const double degrees[3], double q[4]) {
+    const double to_radians = acos(-1.0) / 180;
+    double angle = 0;
+    for (int i = 0; i < 3; i++) angle += degrees[i] * degrees[i];
+    angle = sqrt(angle) * to_radians;
+    for (int i = 0; i < 3; i++) q[i] = angle > 1e-12 ? degrees[i] * to_radians / angle * sin(angle / 2) : 0;
+    q[3] = cos(angle / 2);
 }
 
 enum rig_key {
@@ -122,11 +136,11 @@ static void set_rig(struct recording *recording, enum rig_key key, const double 
     case RIG_IMU_OFFSET: shown->imu_clock_offset_ns = llround(v[0] * 1e9); break;
     case RIG_GRAVITY: shown->gravity = v[0]; break;
     case RIG_COLOR_INTRINSICS:
-        memcpy(shown->color_intrinsics, v, 4 * sizeof *v);
-        shown->has_color_intrinsics = true;
+        shown->color_camera = (fathom_pinhole){.fx = v[0], .fy = v[1], .cx = v[2], .cy = v[3]};
+        shown->has_color_camera = true;
         break;
-    case RIG_COLOR_ROTATION: rotation_from_degrees(v, shown->color_to_depth_rotation); break;
-    case RIG_COLOR_TRANSLATION: memcpy(shown->color_to_depth_translation, v, 3 * sizeof *v); break;
+    case RIG_COLOR_ROTATION: orientation_from_degrees(v, shown->color_to_depth.orientation); break;
+    case RIG_COLOR_TRANSLATION: memcpy(shown->color_to_depth.position, v, 3 * sizeof *v); break;
     case RIG_KEYS: break;
     }
 }

@@ -11,7 +11,7 @@
  * this function's business: reading them in their turn will say so. */
 static int median_units(const struct recording *recording, uint16_t *pixels, uint32_t *histogram) {
     const fathom_recording *shown = &recording->shown;
-    const size_t capacity = (size_t)shown->width * (size_t)shown->height;
+    const size_t capacity = (size_t)shown->camera.width * (size_t)shown->camera.height;
     uint64_t count = 0, below = 0;
     for (int i = 0; i < LOOKED_AT; i++) {
         char error[64];
@@ -35,7 +35,7 @@ static int median_units(const struct recording *recording, uint16_t *pixels, uin
 int recording_judge_depth_scale(struct recording *recording) {
     static const double usual[] = {1000, 5000, 10000, 100};
     const fathom_recording *shown = &recording->shown;
-    uint16_t *pixels = malloc((size_t)shown->width * (size_t)shown->height * sizeof *pixels);
+    uint16_t *pixels = malloc((size_t)shown->camera.width * (size_t)shown->camera.height * sizeof *pixels);
     uint32_t *histogram = calloc(65536, sizeof *histogram);
     const int units = pixels && histogram ? median_units(recording, pixels, histogram) : -1;
     free(pixels);

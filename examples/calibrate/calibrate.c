@@ -56,7 +56,7 @@ static int prepare(struct calibrate *c) {
             "%s: the frames are from %.3f to %.3f s, the IMU samples from %.3f to %.3f s: they never "
             "meet; --offset-start shifts the samples",
             c->folder, from, to, imu_from, imu_to);
-    c->pixels = malloc((size_t)recording->width * (size_t)recording->height * sizeof *c->pixels);
+    c->pixels = malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *c->pixels);
     c->path.points = malloc((size_t)recording->frame_count * sizeof *c->path.points);
     if (!c->pixels || !c->path.points) return cli_error(CLI_FAILED, "out of memory");
     return rig_file_can_write(c->output ? c->output : c->rig) ? CLI_DONE : CLI_FAILED;
@@ -73,8 +73,8 @@ static int take_frame(struct calibrate *c, struct playback *playback, const fath
     const fathom_depth_frame frame = {.struct_size = sizeof frame,
                                       .timestamp_ns = rig->frames[index].timestamp_ns,
                                       .depth = c->pixels,
-                                      .width = rig->width,
-                                      .height = rig->height};
+                                      .width = rig->camera.width,
+                                      .height = rig->camera.height};
     fathom_result result = FATHOM_STRUCT(fathom_result);
     const int stepped = fathom_step(playback->library.scan, &frame, &result);
     if (stepped < 0) return cli_error(CLI_FAILED, "frame %d: %s", index, log_reason(&c->log, stepped));

@@ -24,7 +24,7 @@ int bench_replay_open(struct bench_replay *bench, const char *name, int argc, ch
     if (status) return status;
     if (bench->frames > bench->recording->frame_count) bench->frames = bench->recording->frame_count;
     bench->depth =
-        malloc((size_t)bench->recording->width * (size_t)bench->recording->height * sizeof *bench->depth);
+        malloc((size_t)bench->recording->camera.width * (size_t)bench->recording->camera.height * sizeof *bench->depth);
     return bench->depth ? CLI_DONE : cli_error(CLI_FAILED, "%s: out of memory", name);
 }
 

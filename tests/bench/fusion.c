@@ -21,14 +21,9 @@ static double now_ms(void) {
 }
 
 static bool pose_at(const fathom_recording *recording, int64_t stamp_ns, pose *at) {
-    fathom_recording_pose p;
+    fathom_pose p;
     if (fathom_recording_pose_at(recording, stamp_ns, &p) != FATHOM_OK) return false;
-    const double *q = p.quaternion, half = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
-    double twist[6] = {0};
-    for (int i = 0; i < 3 && half > 0; i++) twist[i] = 2 * atan2(half, q[3]) * q[i] / half;
-    *at = pose_exp(twist);
-    memcpy(at->t, p.position, sizeof at->t);
-    return true;
+    return pose_take(&p, at);
 }
 
 static void fuse_frame(fathom *f, const uint16_t *depth, const pose *at, double ms[STAGES]) {

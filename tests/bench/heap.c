@@ -37,8 +37,8 @@ static int run(struct playback *playback, const fathom_recording *recording, int
         const fathom_depth_frame scan = {.struct_size = sizeof scan,
                                          .timestamp_ns = recording->frames[i].timestamp_ns,
                                          .depth = depth,
-                                         .width = recording->width,
-                                         .height = recording->height};
+                                         .width = recording->camera.width,
+                                         .height = recording->camera.height};
         fathom_result r = FATHOM_STRUCT(fathom_result);
         playback_push_imu(playback, recording, i);
         int error = fathom_recording_read_depth(recording, i, depth);

@@ -46,8 +46,8 @@ struct Recording {
     Recording() {
         fathom_recording *recording = nullptr;
         if (fathom_recording_open(&recording, variable("VIRTUAL_DEPTH_FOLDER", ".").c_str(), nullptr)) return;
-        width = recording->width;
-        height = recording->height;
+        width = recording->camera.width;
+        height = recording->camera.height;
         for (int i = 0; i < recording->frame_count; i++) {
             frames.emplace_back(size_t(width) * height);
             fathom_recording_read_depth(recording, i, frames.back().data());

@@ -44,28 +44,6 @@ static void push_until(struct run *run, int64_t stamp_ns) {
         fathom_push_imu(run->scan, &r->imu[run->next_imu++]);
 }
 
-static void matrix_of(const fathom_recording_pose *pose, double m[16]) {
-    const double x = pose->quaternion[0], y = pose->quaternion[1], z = pose->quaternion[2],
-                 w = pose->quaternion[3];
-    const double rows[16] = {1 - 2 * (y * y + z * z),
-                             2 * (x * y - w * z),
-                             2 * (x * z + w * y),
-                             pose->position[0],
-                             2 * (x * y + w * z),
-                             1 - 2 * (x * x + z * z),
-                             2 * (y * z - w * x),
-                             pose->position[1],
-                             2 * (x * z - w * y),
-                             2 * (y * z + w * x),
-                             1 - 2 * (x * x + y * y),
-                             pose->position[2],
-                             0,
-                             0,
-                             0,
-                             1};
-    memcpy(m, rows, sizeof rows);
-}
-
 /* inv(a) b of rigid matrices. */
 static void between(const double a[16], const double b[16], double m[16]) {
     memset(m, 0, 16 * sizeof *m);
@@ -89,17 +67,17 @@ static double degrees_of(const double m[16]) {
 
 /* The questions at one frame, asked in the child. Its own samples go no further than each horizon. */
 static void ask(struct run *run, int64_t now_ns) {
-    fathom_recording_pose pose;
+    fathom_pose pose;
     double here[16], there[16], truth[16], estimate[16], error[16];
     if (fathom_recording_pose_at(run->recording, now_ns, &pose) != FATHOM_OK) return;
-    matrix_of(&pose, here);
+    fathom_pose_to_matrix(&pose, here);
     for (int i = 0; i < HORIZONS; i++) {
         const int64_t then_ns = now_ns + (int64_t)(SECOND * horizons[i]);
         fathom_motion motion = FATHOM_STRUCT(fathom_motion);
         push_until(run, then_ns);
         if (fathom_recording_pose_at(run->recording, then_ns, &pose) != FATHOM_OK) return;
         if (fathom_inertial_estimate(run->scan, now_ns, then_ns, &motion) != FATHOM_OK) return;
-        matrix_of(&pose, there);
+        fathom_pose_to_matrix(&pose, there);
         between(here, there, truth);
         fathom_pose_to_matrix(&motion.motion, estimate);
         between(truth, estimate, error);
@@ -125,7 +103,7 @@ static int ask_aside(struct run *run, int64_t now_ns) {
 /* Tracks the recording; from `from` seconds on asks every `every`, as long as the longest horizon lies within it. */
 static int track(struct run *run, double from, double every) {
     const fathom_recording *r = run->recording;
-    uint16_t *depth = malloc((size_t)r->width * (size_t)r->height * sizeof *depth);
+    uint16_t *depth = malloc((size_t)r->camera.width * (size_t)r->camera.height * sizeof *depth);
     const int64_t start = r->frames[0].timestamp_ns, end = r->poses[r->pose_count - 1].timestamp_ns;
     double due = from;
     int failed = depth ? 0 : fail("depth", FATHOM_ERROR_MEMORY);
@@ -138,8 +116,8 @@ static int track(struct run *run, double from, double every) {
         const fathom_depth_frame frame = {.struct_size = sizeof frame,
                                           .timestamp_ns = now,
                                           .depth = depth,
-                                          .width = r->width,
-                                          .height = r->height};
+                                          .width = r->camera.width,
+                                          .height = r->camera.height};
         if (error == FATHOM_OK) error = fathom_step(run->scan, &frame, &result);
         if (error != FATHOM_OK) failed = fail("step", error);
         if (failed || result.state != FATHOM_TRACKED || (double)(now - start) < SECOND * due) continue;

@@ -167,14 +167,9 @@ static void candidates(const struct run *run, int frame, const fathom_result *tr
 }
 
 static bool truth_at(const struct run *run, int64_t stamp_ns, pose *truth) {
-    fathom_recording_pose p;
+    fathom_pose p;
     if (fathom_recording_pose_at(run->recording, stamp_ns, &p) != FATHOM_OK) return false;
-    const double *q = p.quaternion, half = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
-    double twist[6] = {0};
-    for (int i = 0; i < 3 && half > 0; i++) twist[i] = 2 * atan2(half, q[3]) * q[i] / half;
-    *truth = pose_exp(twist);
-    memcpy(truth->t, p.position, sizeof truth->t);
-    return true;
+    return pose_take(&p, truth);
 }
 
 static bool sure(const struct run *run, int64_t stamp_ns) {
@@ -196,9 +191,9 @@ static int track_all(struct run *run, uint16_t *depth) {
         const fathom_depth_frame scan = {.struct_size = sizeof scan,
                                          .timestamp_ns = now,
                                          .depth = depth,
-                                         .width = recording->width,
-                                         .height = recording->height,
-                                         .row_stride_bytes = 2 * recording->width};
+                                         .width = recording->camera.width,
+                                         .height = recording->camera.height,
+                                         .row_stride_bytes = 2 * recording->camera.width};
         fathom_result r = FATHOM_STRUCT(fathom_result);
         playback_push_imu(&run->playback, recording, i);
         int error = fathom_recording_read_depth(recording, i, depth);
@@ -255,7 +250,7 @@ int main(int argc, char **argv) {
     if (!failed) failed = playback_start(&run.playback, run.recording, run.stride, &settings, &settings.config, &log);
     if (!failed) {
         uint16_t *depth =
-            malloc((size_t)run.recording->width * (size_t)run.recording->height * sizeof *depth);
+            malloc((size_t)run.recording->camera.width * (size_t)run.recording->camera.height * sizeof *depth);
         failed = depth ? track_all(&run, depth) : 1;
         free(depth);
     }

@@ -44,10 +44,10 @@ static void allocate(bench_volume *v, const float *depth, const kernel_camera *c
 
 static void check_frames(bench *b, const fathom_recording *recording, uint16_t *raw) {
     kernel_camera c =
-        kernel_camera_of(recording->width / 2, recording->height / 2, (float)recording->intrinsics[0] / 2,
-                         (float)recording->intrinsics[1] / 2, (float)recording->intrinsics[2] / 2 - 0.25f,
-                         (float)recording->intrinsics[3] / 2 - 0.25f);
-    kernel_depth_source s = {.width = recording->width, .height = recording->height, .factor = 2};
+        kernel_camera_of(recording->camera.width / 2, recording->camera.height / 2, (float)recording->camera.fx / 2,
+                         (float)recording->camera.fy / 2, (float)recording->camera.cx / 2 - 0.25f,
+                         (float)recording->camera.cy / 2 - 0.25f);
+    kernel_depth_source s = {.width = recording->camera.width, .height = recording->camera.height, .factor = 2};
     s.metres_per_unit = (float)(1 / recording->depth_units_per_metre);
     s.min_m = 0.3f;
     s.max_m = 5;
@@ -108,7 +108,7 @@ fathom_check check_real_frame(device *d, bool small, char *why, size_t size) {
         snprintf(why, size, b.small ? "small sizes only" : "no recording in " RECORDING);
         return FATHOM_CHECK_SKIPPED;
     }
-    uint16_t *raw = bench_alloc((size_t)recording->width * (size_t)recording->height * sizeof *raw);
+    uint16_t *raw = bench_alloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *raw);
     check_frames(&b, recording, raw);
     free(raw);
     fathom_recording_close(recording);

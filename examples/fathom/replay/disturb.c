@@ -15,7 +15,7 @@ static int range_of(const struct frame_ranges *ranges, int frame) {
 /* The median valid depth, in units, of frames from..to-1 together; 0 when they show nothing, -1 when one
  * can't be read. */
 static int median_units(const fathom_recording *recording, int from, int to, uint16_t *pixels) {
-    const size_t count = (size_t)recording->width * (size_t)recording->height;
+    const size_t count = (size_t)recording->camera.width * (size_t)recording->camera.height;
     uint64_t *histogram = calloc(65536, sizeof *histogram);
     uint64_t valid = 0, below = 0;
     int units = 0;
@@ -36,26 +36,16 @@ static int median_units(const fathom_recording *recording, int from, int to, uin
     return units;
 }
 
-/* The rotation matrix of a unit quaternion x y z w. */
-static void rotation_of(const double q[4], double r[3][3]) {
-    const double x = q[0], y = q[1], z = q[2], w = q[3];
-    const double out[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
-                              {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},
-                              {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}};
-    memcpy(r, out, sizeof out);
-}
-
-static bool reference_pose(const fathom_recording *recording, int frame, double r[3][3], double position[3]) {
-    fathom_recording_pose pose;
+/* Camera to world, row-major 4x4. */
+static bool reference_pose(const fathom_recording *recording, int frame, double m[16]) {
+    fathom_pose pose;
     const int64_t stamp = recording->frames[frame].timestamp_ns;
     if (fathom_recording_pose_at(recording, stamp, &pose)) {
         cli_error(CLI_FAILED, "--wall: %s/groundtruth.txt has no pose for frame %d (t = %.6f)",
                   recording->folder, frame, (double)stamp * 1e-9);
         return false;
     }
-    rotation_of(pose.quaternion, r);
-    memcpy(position, pose.position, sizeof pose.position);
-    return true;
+    return fathom_pose_to_matrix(&pose, m) == FATHOM_OK;
 }
 
 static int check_ranges(const char *option, const struct frame_ranges *ranges, int frames) {
@@ -70,15 +60,15 @@ static int prepare_wall(struct disturb *disturb, int i, uint16_t *pixels) {
     const fathom_recording *recording = disturb->recording;
     const int frame = disturb->walls->range[i].from;
     const int units = median_units(recording, frame, frame + 1, pixels);
-    double r[3][3], position[3];
+    double m[16];
     struct disturb_wall *wall = &disturb->wall[i];
     if (units < 0) return CLI_FAILED;
     if (units == 0) return cli_error(CLI_FAILED, "--wall: frame %d shows no surface to put a wall at", frame);
-    if (!reference_pose(recording, frame, r, position)) return CLI_FAILED;
+    if (!reference_pose(recording, frame, m)) return CLI_FAILED;
     wall->offset = units / recording->depth_units_per_metre;
     for (int k = 0; k < 3; k++) {
-        wall->normal[k] = r[k][2];
-        wall->offset += r[k][2] * position[k];
+        wall->normal[k] = m[4 * k + 2];
+        wall->offset += m[4 * k + 2] * m[4 * k + 3];
     }
     return CLI_DONE;
 }
@@ -115,45 +105,43 @@ bool disturb_replaces(const struct disturb *disturb, int frame) {
            range_of(disturb->cards, frame) >= 0;
 }
 
-/* Undoes the Brown-Conrady distortion of a point at depth one, by fixed-point iteration. */
-static void undistort(const double k[5], double *x, double *y) {
+/* Undoes the lens's distortion of a point at depth one, by fixed-point iteration. */
+static void undistort(const double k[8], double *x, double *y) {
     const double x0 = *x, y0 = *y;
     for (int i = 0; i < 10; i++) {
         const double r2 = *x * *x + *y * *y;
-        const double radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
+        const double over = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4])), under = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
         const double dx = 2 * k[2] * *x * *y + k[3] * (r2 + 2 * *x * *x);
         const double dy = k[2] * (r2 + 2 * *y * *y) + 2 * k[3] * *x * *y;
-        *x = (x0 - dx) / radial;
-        *y = (y0 - dy) / radial;
+        *x = (x0 - dx) * under / over;
+        *y = (y0 - dy) * under / over;
     }
 }
 
 static bool render_wall(const struct disturb *disturb, const struct disturb_wall *wall, int frame,
                         uint16_t *pixels) {
     const fathom_recording *recording = disturb->recording;
-    double r[3][3], position[3], normal[3] = {0}, distance = wall->offset;
-    if (!reference_pose(recording, frame, r, position)) return false;
+    const fathom_pinhole *camera = &recording->camera;
+    double m[16], normal[3] = {0}, distance = wall->offset;
+    if (!reference_pose(recording, frame, m)) return false;
     for (int k = 0; k < 3; k++) {
-        distance -= wall->normal[k] * position[k];
-        for (int l = 0; l < 3; l++) normal[l] += wall->normal[k] * r[k][l]; /* into the camera's axes */
+        distance -= wall->normal[k] * m[4 * k + 3];
+        for (int l = 0; l < 3; l++) normal[l] += wall->normal[k] * m[4 * k + l]; /* into the camera's axes */
     }
-    bool distorted = false;
-    for (int i = 0; i < 5; i++) distorted = distorted || recording->distortion[i] != 0;
-    for (int v = 0; v < recording->height; v++)
-        for (int u = 0; u < recording->width; u++) {
-            double x = (u - recording->intrinsics[2]) / recording->intrinsics[0];
-            double y = (v - recording->intrinsics[3]) / recording->intrinsics[1];
-            if (distorted) undistort(recording->distortion, &x, &y);
+    for (int v = 0; v < camera->height; v++)
+        for (int u = 0; u < camera->width; u++) {
+            double x = (u - camera->cx) / camera->fx, y = (v - camera->cy) / camera->fy;
+            if (camera->lens != FATHOM_LENS_PINHOLE) undistort(camera->coefficients, &x, &y);
             const double facing = normal[0] * x + normal[1] * y + normal[2];
             const double units = facing != 0 ? distance / facing * recording->depth_units_per_metre : 0;
-            pixels[(size_t)v * (size_t)recording->width + (size_t)u] =
+            pixels[(size_t)v * (size_t)camera->width + (size_t)u] =
                 units >= 0.5 && units < 65534.5 ? (uint16_t)lround(units) : 0;
         }
     return true;
 }
 
 bool disturb_render(const struct disturb *disturb, int frame, uint16_t *pixels) {
-    const size_t count = (size_t)disturb->recording->width * (size_t)disturb->recording->height;
+    const size_t count = (size_t)disturb->recording->camera.width * (size_t)disturb->recording->camera.height;
     const int card = range_of(disturb->cards, frame), wall = range_of(disturb->walls, frame);
     /* A covered lens sees neither wall nor card, and a card hides the wall. */
     if (range_of(disturb->outages, frame) >= 0) {

@@ -83,7 +83,7 @@ double evaluate_ate(const fathom_recording *recording, const struct path *path) 
     double(*truth)[3] = malloc(room * sizeof *truth);
     int count = 0;
     for (int i = 0; estimate && truth && i < path->count; i++) {
-        fathom_recording_pose pose;
+        fathom_pose pose;
         if (fathom_recording_pose_at(recording, path->points[i].timestamp_ns, &pose)) continue;
         memcpy(truth[count], pose.position, sizeof pose.position);
         memcpy(estimate[count], path->points[i].pose.position, sizeof pose.position);

@@ -10,7 +10,8 @@ int playback_open(fathom_recording **out, const char *folder, const char *imu_fi
                                     .depth_units_per_metre = settings->depth_scale,
                                     .log = log_message,
                                     .log_user = log};
-    for (int i = 0; i < 4; i++) how.intrinsics[i] = settings->intrinsics[i];
+    const double *k = settings->intrinsics;
+    how.camera = (fathom_pinhole){.fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
     struct stat status;
     if (stat(folder, &status) == 0 && S_ISREG(status.st_mode))
         return cli_error(CLI_USAGE, "%s: replaying a log is not yet available, only a recording folder",
@@ -22,8 +23,8 @@ int playback_open(fathom_recording **out, const char *folder, const char *imu_fi
     const fathom_recording *recording = *out;
     if (recording->intrinsics_assumed)
         cli_note("%s: no calibration.txt: taking intrinsics %g %g %g %g (the TUM default)", folder,
-                 recording->intrinsics[0], recording->intrinsics[1], recording->intrinsics[2],
-                 recording->intrinsics[3]);
+                 recording->camera.fx, recording->camera.fy, recording->camera.cx,
+                 recording->camera.cy);
     if (recording->depth_units_assumed)
         cli_note("%s: no depth_scale in rig.txt: taking %g units a metre (the TUM default)", folder,
                  recording->depth_units_per_metre);
@@ -69,7 +70,7 @@ static int imu_capacity(const fathom_recording *recording, int stride) {
 #define NEAR_VOXEL 0.003f /* metres; for it */
 
 void playback_choose_voxel(const fathom_recording *recording, struct settings *settings) {
-    const size_t count = (size_t)recording->width * (size_t)recording->height;
+    const size_t count = (size_t)recording->camera.width * (size_t)recording->camera.height;
     uint16_t *pixels = settings->voxel > 0 || settings->preset ? NULL : malloc(count * sizeof *pixels);
     size_t valid = 0, near = 0;
     for (int i = 0; pixels && !valid && i < recording->frame_count; i++)

@@ -29,7 +29,7 @@ static int open_recording(struct replay *replay) {
     int status = playback_open(&replay->recording, options->folder, options->imu, &options->settings, &replay->log);
     if (status) return status;
     const fathom_recording *recording = replay->recording;
-    replay->pixels = malloc((size_t)recording->width * (size_t)recording->height * sizeof *replay->pixels);
+    replay->pixels = malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *replay->pixels);
     if (!replay->pixels) return cli_error(CLI_FAILED, "out of memory");
     log_clear(&replay->log);
     status = disturb_prepare(&replay->disturb, recording, &options->outages, &options->walls, &options->cards,
@@ -76,8 +76,8 @@ static int step(struct replay *replay, int index, fathom_result *result, bool *t
     const fathom_depth_frame frame = {.struct_size = sizeof frame,
                                       .timestamp_ns = recording->frames[index].timestamp_ns,
                                       .depth = replay->pixels,
-                                      .width = recording->width,
-                                      .height = recording->height};
+                                      .width = recording->camera.width,
+                                      .height = recording->camera.height};
     const int stepped = fathom_step(replay->playback.library.scan, &frame, result);
     *taken = stepped >= 0;
     if (*taken) return CLI_DONE;

@@ -70,7 +70,7 @@ static fathom_source *open_folder(void) {
 static void an_older_callers_status_isnt_overrun(void **state) {
     (void)state;
     fathom_source *source = open_folder();
-    const size_t old = offsetof(fathom_source_status, width);
+    const size_t old = offsetof(fathom_source_status, camera);
     fathom_source_status *status = callers(old);
     assert_int_equal(fathom_source_get_status(source, status), FATHOM_OK);
     assert_int_equal(status->kinds, FATHOM_SOURCE_DEPTH);
@@ -85,7 +85,7 @@ static void a_newer_callers_status_is_zero_beyond_the_librarys(void **state) {
     const size_t newer = sizeof(fathom_source_status) + 40;
     fathom_source_status *status = callers(newer);
     assert_int_equal(fathom_source_get_status(source, status), FATHOM_OK);
-    assert_int_equal(status->width, 16);
+    assert_int_equal(status->camera.width, 16);
     assert_int_equal(status->struct_size, newer);
     are(status, sizeof *status, newer, 0);
     are(status, newer, newer + 64, UNTOUCHED);

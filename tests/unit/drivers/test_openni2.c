@@ -185,8 +185,8 @@ static void pixels_stamps_and_view(void **state) {
     assert_string_equal(opened.name, "Virtual Depth 1");
     assert_string_equal(opened.serial, "VIRTUAL-1");
     assert_true(opened.depth_units_per_metre == 1000);
-    assert_true(fabs(opened.intrinsics[0] - WIDTH / 2 / tan(1.0226 / 2)) < 1e-3);
-    assert_true(fabs(opened.intrinsics[3] - 23.5) < 1e-9);
+    assert_true(fabs(opened.camera.fx - WIDTH / 2 / tan(1.0226 / 2)) < 1e-3);
+    assert_true(fabs(opened.camera.cy - 23.5) < 1e-9);
     fathom_source_configure(source, &config);
     assert_int_equal(config.depth_camera.width, WIDTH);
     assert_true(fabs(config.depth_camera.cx - 31.5) < 1e-6);
@@ -290,13 +290,17 @@ static void color_is_laid_over_the_depth(void **state) {
     for (int i = 0; i < 40; i++) {
         const fathom_source_frame frame = next_frame(source);
         check_pixels(&frame, 1);
-        if (!frame.color) continue;
+        const fathom_image *image = frame.depth->image;
+        if (!image) continue;
+        const uint8_t *color = image->data;
+        assert_true(image->width == WIDTH && image->height == HEIGHT && image->format == FATHOM_IMAGE_RGB8);
+        assert_true(llabs(image->timestamp_ns - frame.depth->timestamp_ns) < 100000000);
         colored++;
         for (int k = 0; k < WIDTH * HEIGHT; k++) {
-            assert_int_equal(frame.color[3 * k + 1], k % WIDTH);
-            assert_int_equal(frame.color[3 * k + 2], k / WIDTH);
+            assert_int_equal(color[3 * k + 1], k % WIDTH);
+            assert_int_equal(color[3 * k + 2], k / WIDTH);
         }
-        assert_true((uint8_t)(frame.index - frame.color[3 * 7] + 1) <= 4);
+        assert_true((uint8_t)(frame.index - color[3 * 7] + 1) <= 4);
     }
     assert_true(colored > 30);
     fathom_source_close(source);

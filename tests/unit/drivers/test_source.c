@@ -543,7 +543,7 @@ static void one_kind_only(void **state) {
     assert_int_equal(fathom_source_read_depth(source, &frame), FATHOM_ERROR_TIMEOUT);
     assert_int_equal(fathom_source_read_imu(source, samples, SAMPLES), SAMPLES);
     assert_int_equal(fathom_source_wait(source, 1000), FATHOM_ERROR_ENDED);
-    assert_int_equal(status_of(source).width, 0);
+    assert_int_equal(status_of(source).camera.width, 0);
     fathom_source_configure(source, &config);
     assert_int_equal(config.depth_camera.width, 640);
     assert_int_equal(config.imu_clock_offset_ns, 1000000);
@@ -634,7 +634,7 @@ static atomic_bool looking;
 
 static void *look_and_cancel(void *source) {
     while (looking) {
-        assert_int_equal(status_of(source).width, WIDTH);
+        assert_int_equal(status_of(source).camera.width, WIDTH);
         fathom_source_cancel(source);
     }
     return NULL;

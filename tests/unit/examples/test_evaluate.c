@@ -88,9 +88,9 @@ static void test_association(void **state) {
     memset(points, 0, sizeof points);
     for (int i = 0; i < 5; i++) {
         poses[i].timestamp_ns = i * INT64_C(30000000);
-        poses[i].position[0] = i;
-        poses[i].position[1] = 2 * i;
-        poses[i].quaternion[3] = 1;
+        poses[i].pose.position[0] = i;
+        poses[i].pose.position[1] = 2 * i;
+        poses[i].pose.orientation[3] = 1;
     }
     for (int i = 0; i < 6; i++) {
         points[i].timestamp_ns =

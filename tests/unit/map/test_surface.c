@@ -35,7 +35,7 @@ typedef struct {
     char summary[512]; /* of the replay */
     fathom_recording *recording;
     struct scene scene;
-    double first[12]; /* the first frame's true pose, 3x4: from the mesh's frame to the scene's */
+    double first[16]; /* the first frame's true pose, 3x4: from the mesh's frame to the scene's */
     size_t vertex_count, triangle_count;
     double (*vertices)[3]; /* in the scene's frame */
     int32_t (*triangles)[3];
@@ -78,21 +78,9 @@ static double figure(const char *summary, const char *name) {
 
 /* ---- the mesh --------------------------------------------------------------------------------------------------------- */
 
-static void transform(const double m[12], const double p[3], double out[3]) {
+static void transform(const double m[16], const double p[3], double out[3]) {
     for (int i = 0; i < 3; i++)
         out[i] = m[4 * i] * p[0] + m[4 * i + 1] * p[1] + m[4 * i + 2] * p[2] + m[4 * i + 3];
-}
-
-static void matrix_of(const fathom_recording_pose *pose, double m[12]) {
-    const double x = pose->quaternion[0], y = pose->quaternion[1], z = pose->quaternion[2],
-                 w = pose->quaternion[3];
-    const double r[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-                         2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                         2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) m[4 * i + j] = r[3 * i + j];
-        m[4 * i + 3] = pose->position[i];
-    }
 }
 
 /* Reads the PLY that replay writes (docs/FORMATS.md). The tests run on little-endian machines. */
@@ -140,12 +128,12 @@ static int make(void **state) {
     char *replay[] = {"replay", recording, "--mesh", mesh, NULL};
     if (run(&command_replay, replay, output) != CLI_DONE) return -1;
     last_line(output, s->summary, sizeof s->summary);
-    fathom_recording_pose first;
+    fathom_pose first;
     if (fathom_recording_open(&s->recording, recording, NULL) != FATHOM_OK ||
         fathom_recording_pose_at(s->recording, s->recording->frames[0].timestamp_ns, &first) != FATHOM_OK ||
         !scene_make(&s->scene, SCENE_ROOM, ROOM_SEED, 0))
         return -1;
-    matrix_of(&first, s->first);
+    fathom_pose_to_matrix(&first, s->first);
     read_mesh(s, mesh);
     return 0;
 }
@@ -220,21 +208,21 @@ typedef struct {
 
 static void see(const surface_test *s, uint64_t *keys, seen_cell *cells) {
     const fathom_recording *r = s->recording;
-    uint16_t *depth = malloc((size_t)r->width * (size_t)r->height * sizeof *depth);
+    uint16_t *depth = malloc((size_t)r->camera.width * (size_t)r->camera.height * sizeof *depth);
     size_t used = 0;
     assert_non_null(depth);
     memset(keys, 0xff, SEEN_CELLS * sizeof *keys);
     for (int frame = 0; frame < r->frame_count; frame += EVERY) {
-        fathom_recording_pose pose;
-        double m[12];
+        fathom_pose pose;
+        double m[16];
         assert_int_equal(fathom_recording_read_depth(r, frame, depth), FATHOM_OK);
         assert_int_equal(fathom_recording_pose_at(r, r->frames[frame].timestamp_ns, &pose), FATHOM_OK);
-        matrix_of(&pose, m);
-        for (int i = 0; i < r->width * r->height; i++) {
+        fathom_pose_to_matrix(&pose, m);
+        for (int i = 0; i < r->camera.width * r->camera.height; i++) {
             const double z = depth[i] / r->depth_units_per_metre;
             if (depth[i] == 0 || z < NEAREST_M || z > FARTHEST_M) continue;
-            const double camera[3] = {(i % r->width - r->intrinsics[2]) / r->intrinsics[0] * z,
-                                      (i / r->width - r->intrinsics[3]) / r->intrinsics[1] * z, z};
+            const double camera[3] = {(i % r->camera.width - r->camera.cx) / r->camera.fx * z,
+                                      (i / r->camera.width - r->camera.cy) / r->camera.fy * z, z};
             double p[3];
             int32_t c[3];
             transform(m, camera, p);
