@@ -22,10 +22,10 @@ bool address_parse(source_address *address, const char *text);
 /* The value of a setting, marked as used; NULL: not given. */
 const char *address_setting(source_address *address, const char *key);
 
-/* The first setting that nobody asked for; NULL: none. */
+/* The first setting that wasn't used; NULL: none. */
 const char *address_unknown(const source_address *address);
 
-/* Which USB device: any, those of a kind, or one by its serial number. */
+/* A choice of USB devices: any, those of a model, or one by its serial number. */
 typedef struct {
     bool by_id, by_serial;
     uint16_t vendor, product;

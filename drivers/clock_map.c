@@ -3,18 +3,18 @@
 #include <math.h>
 #include <string.h>
 
-#define WINDOW_S 0.5       /* of each there is one pair, the fastest arrival */
-#define OFFSET_WINDOWS 20  /* the line touches the fastest arrival of so many */
-#define DRIFT_SIGMA 1e-4   /* a usual crystal's; what the slope is held to until the data say otherwise */
-#define DELAY_SIGMA_S 5e-4 /* how much the fastest arrivals differ */
+#define WINDOW_S 0.5       /* one pair is kept per window, the fastest arrival */
+#define OFFSET_WINDOWS 20  /* the line touches the fastest arrival of this number of windows */
+#define DRIFT_SIGMA 1e-4   /* of a usual crystal; prior of the slope */
+#define DELAY_SIGMA_S 5e-4 /* scatter of the fastest arrivals */
 #define MOST_DRIFT 0.05
-#define APPROACH 0.02 /* a wrong line is mended by this part of the time that passes */
-#define SETTLE_S 1.0  /* in the first second, by this part: */
+#define APPROACH 0.02 /* a wrong line is corrected by this part of elapsed time */
+#define SETTLE_S 1.0  /* within the first second, by this part: */
 #define APPROACH_EARLY 0.2
-#define EARLY_LEAP_S 0.1 /* a stamp that would arrive so much before it was made: the clock leapt ahead */
-#define BACK_LEAP_S 0.05 /* a stamp so much before the last: it went back */
+#define EARLY_LEAP_S 0.1 /* a stamp later than its arrival by this: the clock leapt ahead */
+#define BACK_LEAP_S 0.05 /* a stamp earlier than the last by this: the clock went back */
 #define LATE_S 0.2       /* nothing within this of the line ... */
-#define LATE_WINDOWS 4   /* ... for so many windows: the clock stood still or went back unseen */
+#define LATE_WINDOWS 4   /* ... for this number of windows: the clock stood still or went back unnoticed */
 
 void clock_map_reset(clock_map *map) {
     memset(map, 0, sizeof *map);
@@ -26,8 +26,8 @@ static int window_at(const clock_map *map, int i) {
     return (map->first + i) % CLOCK_MAP_WINDOWS;
 }
 
-/* The median slope between windows half of them apart (Theil 1950, thinned out), so that a few windows without
- * a fast arrival don't matter, drawn to zero by what is known of crystals. */
+/* The median slope between windows half of them apart (Theil 1950, thinned out), so that a few windows without a fast
+ * arrival don't matter, with the prior of crystals. */
 static double fit_slope(const clock_map *map) {
     double slopes[CLOCK_MAP_WINDOWS / 2], apart_s = 0;
     const int half = (map->count + 1) / 2, pairs = map->count - half;
@@ -43,11 +43,11 @@ static double fit_slope(const clock_map *map) {
     if (pairs == 0) return 0;
     const double median = (slopes[(pairs - 1) / 2] + slopes[pairs / 2]) / 2,
                  prior_s = DELAY_SIGMA_S / DRIFT_SIGMA;
-    const double known = apart_s * apart_s / pairs; /* s^2: what the pairs weigh together */
+    const double known = apart_s * apart_s / pairs; /* s^2: weight of all pairs together */
     return fmin(fmax(median * known / (known + prior_s * prior_s), -MOST_DRIFT), MOST_DRIFT);
 }
 
-/* The offset at the newest stamp by the line of that slope that no recent arrival lies under. */
+/* The offset at the newest stamp, by the highest line of that slope below all recent arrivals. */
 static double fit_offset(const clock_map *map, double slope) {
     const int recent = map->count < OFFSET_WINDOWS ? map->count : OFFSET_WINDOWS;
     double least = INFINITY;
@@ -74,7 +74,7 @@ static void begin(clock_map *map, int64_t device_ns, int64_t arrival_ns) {
     map->least_delay = 0;
 }
 
-/* True when the window that ends here shows that the line has nothing to do with the arrivals any more. */
+/* True when the window that ends here shows that the line no longer fits the arrivals. */
 static bool next_window(clock_map *map, double at, double offset) {
     map->late_windows = map->least_delay > LATE_S ? map->late_windows + 1 : 0;
     if (map->late_windows >= LATE_WINDOWS) return true;

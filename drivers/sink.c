@@ -1,4 +1,4 @@
-/* Sinks: what is the same for all of them. */
+/* The common parts of all sinks. */
 #include "sink.h"
 
 #include <math.h>
@@ -31,7 +31,8 @@ int fathom_sink_open(fathom_sink **sink, const char *uri, const fathom_sink_opti
     if (sink) *sink = NULL;
     if (options && !sized_in(&whole, sizeof whole, options)) return FATHOM_ERROR_ARGUMENT;
     if (!sink || !uri || !*uri) {
-        source_say(whole.log, whole.log_user, FATHOM_LOG_ERROR, "fathom_sink_open: NULL argument, or no name");
+        source_say(whole.log, whole.log_user, FATHOM_LOG_ERROR,
+                   "fathom_sink_open: NULL argument, or no name");
         return FATHOM_ERROR_ARGUMENT;
     }
     return folder_sink_open(sink, strncmp(uri, "folder:", 7) == 0 ? uri + 7 : uri, &whole);
@@ -92,7 +93,7 @@ int fathom_sink_get_status(fathom_sink *sink, fathom_sink_status *status) {
 
 const char *fathom_sink_last_error(fathom_sink *sink) {
     if (!sink) return "";
-    pthread_mutex_lock(&sink->lock); /* the text never changes once it is there */
+    pthread_mutex_lock(&sink->lock); /* the text never changes once it is set */
     const char *text = sink->error ? sink->text : "";
     pthread_mutex_unlock(&sink->lock);
     return text;

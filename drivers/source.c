@@ -1,4 +1,4 @@
-/* Sources: the table of drivers, and what is the same for all of them. */
+/* Sources: the table of drivers, and their common parts. */
 #include "source.h"
 
 #include <math.h>
@@ -93,7 +93,8 @@ const char *fathom_source_state_name(int32_t state) {
 /* ---- enumerating ---- */
 
 static int say_not_built(const struct row *row, fathom_source_found found, void *user) {
-    fathom_source_info info = {.struct_size = sizeof info, .driver = row->name, .error = FATHOM_ERROR_NOT_BUILT};
+    fathom_source_info info = {
+        .struct_size = sizeof info, .driver = row->name, .error = FATHOM_ERROR_NOT_BUILT};
     snprintf(info.name, sizeof info.name, "%s", row->what);
     snprintf(info.problem, sizeof info.problem, "not built into this library; to build it: make with %s",
              row->built_by);
@@ -192,7 +193,8 @@ void fathom_source_close(fathom_source *source) {
 int fathom_source_start(fathom_source *source) {
     if (!source) return FATHOM_ERROR_ARGUMENT;
     if (source->started)
-        return source_fail(&source->options, FATHOM_ERROR_ARGUMENT, "fathom_source_start: it is started already");
+        return source_fail(&source->options, FATHOM_ERROR_ARGUMENT,
+                           "fathom_source_start: it is started already");
     const int result = source->does->start(source);
     source->started = result == FATHOM_OK;
     return result;

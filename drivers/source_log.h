@@ -1,10 +1,10 @@
-/* What drivers say. */
+/* Log messages of drivers. */
 #ifndef FATHOM_SOURCE_LOG_H
 #define FATHOM_SOURCE_LOG_H
 
 #include "fathom_drivers.h"
 
-/* One line to the log; log may be NULL. */
+/* Writes one line to the log; log may be NULL. */
 void source_say(fathom_log log, void *log_user, fathom_log_level level, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 

@@ -10,7 +10,7 @@
 #include "monotonic.h"
 
 #define RATE_WINDOW_NS 1000000000 /* the rate is measured over this */
-#define STALL_PERIODS 10          /* silence for so many periods is a stall, */
+#define STALL_PERIODS 10          /* silence for this number of periods is a stall, */
 #define STALL_LEAST_NS 500000000  /* and for this at least */
 
 /* ---- life ---- */
@@ -129,7 +129,7 @@ static void start_window(source_queue *q, int64_t now_ns) {
     q->window_count = 0;
 }
 
-/* A frame or sample has arrived. measured: of the kind whose rate it is. */
+/* Counts an arrived frame or sample. measured: of the kind whose rate is measured. */
 static void notice_arrival(source_queue *q, bool measured) {
     const int64_t now_ns = monotonic_now_ns();
     notice_silence(q, now_ns);
@@ -270,7 +270,7 @@ void source_queue_set_clock(source_queue *q, double offset_s, double drift_ppm) 
 
 /* ---- the reader ---- */
 
-/* FATHOM_ERROR_TIMEOUT: nothing to tell yet. */
+/* FATHOM_ERROR_TIMEOUT: nothing to report yet. */
 static int look(source_queue *q) {
     pthread_mutex_lock(&q->lock);
     int result = FATHOM_ERROR_TIMEOUT;
@@ -310,7 +310,7 @@ void source_queue_cancel(source_queue *q) {
 int source_queue_read_depth(source_queue *q, fathom_source_frame *frame) {
     pthread_mutex_lock(&q->lock);
     const bool there = q->frame_count > 0;
-    q->held = -1; /* the frame before is no longer valid */
+    q->held = -1; /* the previous frame is no longer valid */
     if (there) {
         q->held = q->waiting[q->first_frame];
         q->first_frame = (q->first_frame + 1) % q->frame_capacity;

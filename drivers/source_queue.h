@@ -1,7 +1,7 @@
 /*
- * Between a driver's thread, which fills it, and the thread that uses the source: a ring of depth frames and a
- * ring of inertial samples, both of fixed size, with what has been counted. It is also the source's state, and
- * what fathom_source_wait waits on.
+ * The queue between a driver's thread, which fills it, and the thread that uses the source: a ring of depth frames and
+ * a ring of inertial samples, both of fixed size, with counters. It also holds the source's state, and
+ * fathom_source_wait waits on it.
  *
  *     source_queue_make(&queue, ...)                   once
  *     source_queue_start(&queue)                       then the driver's thread runs:
@@ -11,8 +11,7 @@
  *     source_queue_stop(&queue)                        then the driver joins its thread
  *     source_queue_free(&queue)
  *
- * No heap after source_queue_make. One thread fills, one reads; everything that is counted or asked may come
- * from any thread.
+ * No heap after source_queue_make. One thread fills, one reads; counting and queries may come from any thread.
  */
 #ifndef FATHOM_SOURCE_QUEUE_H
 #define FATHOM_SOURCE_QUEUE_H
@@ -25,7 +24,8 @@
 /* Room for one frame. */
 typedef struct {
     fathom_source_frame frame; /* its depth is set by the queue */
-    fathom_depth_frame about;  /* what frame.depth leads to: the filling thread sets its stamp, and its image where it has one */
+    /* the target of frame.depth: the filling thread sets its stamp, and its image where it has one */
+    fathom_depth_frame about;
     fathom_image image;        /* of color: the filling thread sets its stamp */
     uint16_t *depth;           /* width * height */
     uint8_t *color;            /* 3 * width * height, or NULL */
@@ -40,43 +40,43 @@ typedef struct {
     fathom_imu_sample *samples; /* ring */
     int sample_capacity, first_sample, sample_count;
 
-    source_slot *slots; /* frame_capacity, one being filled, one in the reader's hands */
+    source_slot *slots; /* frame_capacity, one being filled, one held by the reader */
     int frame_capacity, slot_count;
     int *waiting; /* slot numbers, a ring */
     int first_frame, frame_count;
-    int held;    /* the slot in the reader's hands; -1: none */
-    int filling; /* the slot that source_queue_next_frame gave; -1: none */
+    int held;    /* the slot held by the reader; -1: none */
+    int filling; /* the slot that source_queue_next_frame returned; -1: none */
 
     bool running;   /* between start and stop */
-    int ended;      /* what wait returns once everything was read; FATHOM_OK: it goes on */
-    bool unplugged; /* looked for, when ended is FATHOM_OK */
+    int ended;      /* the result of wait after everything was read; FATHOM_OK: it goes on */
+    bool unplugged; /* waiting for the device, when ended is FATHOM_OK */
     bool stalled;
     bool held_up;               /* the filling thread waits for the reader: its silence is no stall */
     bool counts_frames;         /* the rate is that of frames, else of samples */
-    int64_t last_ns, window_ns; /* of the last arrival; when the present window of the rate began */
+    int64_t last_ns, window_ns; /* of the last arrival; start of the current window of the rate */
     int window_count;
-    fathom_source_status counts; /* rate and all that is counted; the rest is unused */
+    fathom_source_status counts; /* rate and counters; the rest is unused */
 } source_queue;
 
 /* frames 0: no depth; samples 0: no IMU. FATHOM_OK or FATHOM_ERROR_MEMORY, then there is nothing to free. */
 int source_queue_make(source_queue *queue, int samples, int frames, int width, int height, bool color);
 void source_queue_free(source_queue *queue);
 
-/* Empties it and begins; a cancel that nobody has noticed yet stays. */
+/* Empties it and begins; a pending cancel stays. */
 void source_queue_start(source_queue *queue);
 
-/* Ends it: whoever fills it comes back from waiting for room or time. */
+/* Ends it: the filling thread returns from waiting for room or time. */
 void source_queue_stop(source_queue *queue);
 
 /* ---- the filling thread ---- */
 
-/* Takes the sample; when the ring is full the oldest gives way, and is counted. */
+/* Takes the sample; when the ring is full the oldest is dropped and counted. */
 void source_queue_push_imu(source_queue *queue, const fathom_imu_sample *sample);
 
 /* The slot to fill next: the same until it is pushed, whatever the reader does. Never NULL, never waits. */
 source_slot *source_queue_next_frame(source_queue *queue);
 
-/* Takes the slot that source_queue_next_frame gave; when too many wait the oldest gives way, and is counted. */
+/* Takes the slot that source_queue_next_frame returned; when the ring is full the oldest is dropped and counted. */
 void source_queue_push_frame(source_queue *queue, source_slot *slot);
 
 /* Waits until a frame (or else a sample) can be pushed without dropping one; false: stopped meanwhile. */
@@ -85,22 +85,22 @@ bool source_queue_wait_for_room(source_queue *queue, bool for_frame);
 /* Waits until CLOCK_MONOTONIC has come to then_ns; false: stopped meanwhile. */
 bool source_queue_sleep_until(source_queue *queue, int64_t then_ns);
 
-/* Still between start and stop. */
+/* Whether it is between start and stop. */
 bool source_queue_is_running(source_queue *queue);
 
 /* ---- what has happened ---- */
 
-/* Nothing more will come: FATHOM_ERROR_ENDED, FATHOM_ERROR_UNPLUGGED, or what broke the source. */
+/* Marks the end of data: FATHOM_ERROR_ENDED, FATHOM_ERROR_UNPLUGGED, or the error that ended it. */
 void source_queue_end(source_queue *queue, int why);
 
-/* The device is gone and is being looked for; and it is back. */
+/* Mark that the device is gone and awaited, and that it is back. */
 void source_queue_unplugged(source_queue *queue);
 void source_queue_replugged(source_queue *queue);
 
 void source_queue_count_lost(source_queue *queue, int64_t number);
 void source_queue_count_malformed(source_queue *queue, int64_t number);
 
-/* What the status says of the device's clock (clock_map_offset_s, clock_map_drift_ppm). */
+/* Sets the status's values of the device's clock (clock_map_offset_s, clock_map_drift_ppm). */
 void source_queue_set_clock(source_queue *queue, double offset_s, double drift_ppm);
 
 /* ---- the reader ---- */

@@ -2,7 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* Reads depth frames from stdin, 640x480 16-bit millimetres, 30 a second; prints the camera's place at each. */
+/* Reads depth frames from stdin, 640x480 16-bit millimetres, 30 per second; prints the camera's position at each. */
 int main(void) {
     static uint16_t depth[480][640];
     char why[256] = "out of memory";

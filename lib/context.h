@@ -16,13 +16,13 @@
 /* The latest results, in a ring. */
 typedef struct {
     fathom_result *results; /* FATHOM_RECENT; in the block, not in the context: a scratch context lies on the stack */
-    int64_t count;          /* ever put in */
+    int64_t count;          /* of results so far */
 } recent;
 
 struct fathom {
-    fathom_config config; /* its log leads through the error text */
+    fathom_config config; /* its log passes through the error text */
     error_text error;
-    atomic_bool dead; /* OpenCL has failed; for the thread that pushes samples */
+    atomic_bool dead; /* OpenCL has failed; read by the thread that pushes samples */
     device device;
     depth_maps maps;
     depth_noise noise;
@@ -44,13 +44,13 @@ struct fathom {
     int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
     bool started;          /* the first surface has been fused */
     bool paused;
-    bool said_full; /* the log knows that the pool is full */
+    bool said_full; /* the log has the message that the pool is full */
     int64_t frames_ignored;
     fathom_result result; /* of the last frame */
     recent recent;
 };
 
-/* One turn of Figure 2 (lib/step.c); the frame has been checked. */
+/* One pass of Figure 2's loop (lib/step.c), for a checked frame. */
 void step(fathom *f, const fathom_depth_frame *scan, fathom_result *r);
 
 #endif

@@ -1,10 +1,9 @@
-/* The loop of the paper's Figure 2, one turn a call.
+/* The loop of the paper's Figure 2, one pass per call.
  *
  *     d = InertialEstimate(t_i-1, t_i)
  *     [rigidICP, tracking] = ICP(scan, M * d)
  *     if tracking:  Fusion(scan, rigidICP);  M = rigidICP
- *     else:         M = M * d
- */
+ *     else:         M = M * d */
 #include <string.h>
 
 #include "context.h"
@@ -19,11 +18,11 @@ static void move(fathom *f, const pose *at, const double covariance[36]) {
     memcpy(f->covariance, covariance, sizeof f->covariance);
 }
 
-/* M = Identity(): the first surface, seen from the first pose, is the world. */
+/* M = Identity(): the first surface, seen from the first pose, defines the world. */
 static void first_turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     r->state = FATHOM_RECKONED;
     r->verdict = FATHOM_VERDICT_NO_DEPTH;
-    if (f->paused) { /* there is nothing to align with, and nothing may be fused */
+    if (f->paused) { /* no surface to align with, and fusing is paused */
         r->verdict = FATHOM_VERDICT_FEW_PAIRS;
         return;
     }
@@ -39,8 +38,9 @@ static void first_turn(fathom *f, const fathom_depth_frame *scan, fathom_result 
     r->verdict = FATHOM_VERDICT_TRACKING;
 }
 
-/* What the frame teaches: the navigator gets its pose, or goes on alone; the pose that never jumps goes on by its motion. */
-static void learn(fathom *f, const inertial_motion *d, const attempt *best, bool tracking, int64_t timestamp_ns) {
+/* Updates the navigator with the frame's pose, or propagates it without, and advances the pose that never jumps. */
+static void learn(fathom *f, const inertial_motion *d, const attempt *best, bool tracking,
+                  int64_t timestamp_ns) {
     const alignment *icp = &best->icp;
     if (tracking || best->verdict == FATHOM_VERDICT_UNCERTAIN)
         inertial_correct(&f->inertial, &f->pose, icp->information, icp->pull, !best->contradicted, timestamp_ns);
@@ -62,7 +62,8 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
         if (!f->paused) fuse(&f->fusing, &icp->motion, r);
         move(f, &icp->motion, icp->covariance);
         track_keep(&f->tracker, &f->pose);
-    } else if (best.verdict == FATHOM_VERDICT_UNCERTAIN) { /* some directions are known: a wall's distance and tilt */
+    } else if (best.verdict == FATHOM_VERDICT_UNCERTAIN) { /* some directions are determined: a wall's distance and tilt
+                                                              */
         move(f, &icp->motion, icp->covariance);
     } else {
         move(f, &seed.mean, seed.covariance);

@@ -4,10 +4,10 @@
  *     a = [ (p - centre) x n, n ],  b = n . (d - p)
  * for the twist (rotation about centre, translation) that moves p towards the plane through d.
  *
- * A work-item owns a strip of pixels and keeps its sums in registers; strips depend on the device's kind only, never on
- * the number of threads, and the host adds them up in order in double precision: the result is the same to the last bit.
- * WIDE pixels are worked on at once: 8 or 16 on a CPU, where a strip is a row; 1 on a GPU, where GROUP work-items share a row
- * and add up in local memory. */
+ * A work-item owns a strip of pixels and keeps its sums in registers; strips depend on the kind of device only, never
+ * on the number of threads, and the host adds them up in order in double precision: the result is the same to the last
+ * bit. WIDE pixels are processed at once: 8 or 16 on a CPU, where a strip is a row; 1 on a GPU, where GROUP work-items
+ * share a row and add up in local memory. */
 
 #ifndef GROUP
 #define GROUP 1
@@ -27,7 +27,12 @@ inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
     for (int k = 0; k < 18; k++) r[k] = 0.0f;
     for (int g = 0; g < count; g++) {
         wide_pairs p = pairs[g];
-        wfloat a[6] = {p.py * p.nz - p.pz * p.ny, p.pz * p.nx - p.px * p.nz, p.px * p.ny - p.py * p.nx, p.nx, p.ny, p.nz};
+        wfloat a[6] = {p.py * p.nz - p.pz * p.ny,
+                       p.pz * p.nx - p.px * p.nz,
+                       p.px * p.ny - p.py * p.nx,
+                       p.nx,
+                       p.ny,
+                       p.nz};
         int k = 0;
 #pragma unroll
         for (int i = 0; i < 3; i++) {
@@ -69,11 +74,12 @@ inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
     for (int k = 0; k < 9; k++) s[24 + k] += r[6 + k];
 }
 
-/* Global size: GROUP, rows. Local size: GROUP, 1. sums: SUMS floats a row.
- * depth, normals: the scan's, padded. model: normal and depth, in the model kernel_camera mc. */
-kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void align_reduce(global const float *depth, global const float *normals, kernel_camera c, global const uint2 *model,
-                  kernel_camera mc, kernel_rigid motion, kernel_pair_limits limits, global float *sums) {
+/* Global size: GROUP, rows. Local size: GROUP, 1. sums: SUMS floats per row. depth, normals: the scan's, padded. model:
+ * normal and depth, in the model kernel_camera mc. */
+kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void
+align_reduce(global const float *depth, global const float *normals, kernel_camera c,
+             global const uint2 *model, kernel_camera mc, kernel_rigid motion, kernel_pair_limits limits,
+             global float *sums) {
     int y = get_global_id(1);
     wfloat s[SUMS];
     wide_pairs pairs[KEPT];
@@ -82,12 +88,13 @@ void align_reduce(global const float *depth, global const float *normals, kernel
     for (int k = 0; k < SUMS; k++) s[k] = 0.0f;
     wfloat zero = 0.0f, one = 1.0f, pair_count = 0.0f, overlap = 0.0f;
     float ifx = 1.0f / c.fx, imfx = 1.0f / mc.fx, imfy = 1.0f / mc.fy, v = ((float)y - c.cy) / c.fy;
-    /* of a ray, in the model's camera: what stays the same in a row */
-    float rx = motion.x.y * v + motion.x.z, ry = motion.y.y * v + motion.y.z, rz = motion.z.y * v + motion.z.z;
+    /* of a ray, in the model's camera: the parts that are constant in a row */
+    float rx = motion.x.y * v + motion.x.z, ry = motion.y.y * v + motion.y.z,
+          rz = motion.z.y * v + motion.z.z;
     for (int x0 = get_local_id(0) * WIDE * KEPT; x0 < c.width; x0 += WIDE * KEPT * GROUP) {
-        /* a stretch of the row goes through each of four stages, so that none waits for what another has begun */
+        /* part of a row goes through each of four stages, so that no stage waits for loads of another */
         int kept = min(KEPT, (c.width - x0 + WIDE - 1) / WIDE);
-        for (int g = 0; g < kept; g++) { /* 1: where the points lie, and in which pixel of the model */
+        for (int g = 0; g < kept; g++) { /* 1: the points' positions, and their pixels in the model */
             int x = x0 + g * WIDE, i = AT(c, x, y);
             wfloat z = WLOAD(depth + i), confidence = WLOAD(normals + 3 * c.plane + i);
             wfloat u = ((float)x - c.cx + COLUMNS) * ifx;
@@ -128,7 +135,8 @@ void align_reduce(global const float *depth, global const float *normals, kernel
             wfloat dx = p->nx * mz - p->px, dy = p->ny * mz - p->py, dz = mz - p->pz;
             valid &= dx * dx + dy * dy + dz * dz < limits.distance2;
             /* the scan's normal, turned into the model's camera */
-            wfloat qx = WLOAD(normals + i), qy = WLOAD(normals + c.plane + i), qz = WLOAD(normals + 2 * c.plane + i);
+            wfloat qx = WLOAD(normals + i), qy = WLOAD(normals + c.plane + i),
+                   qz = WLOAD(normals + 2 * c.plane + i);
             wfloat cosine = nx * (motion.x.x * qx + motion.x.y * qy + motion.x.z * qz) +
                             ny * (motion.y.x * qx + motion.y.y * qy + motion.y.z * qz) +
                             nz * (motion.z.x * qx + motion.z.y * qy + motion.z.z * qz);

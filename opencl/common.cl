@@ -1,9 +1,9 @@
-/* What all kernels share: vectors, padded images, rigid motions. OpenCL C 1.2.
+/* Shared by all kernels: vectors, padded images, rigid motions. OpenCL C 1.2.
  *
- * Depth images and their like are padded planes of floats (opencl/layout.h), so that a neighbourhood never leaves the
+ * Depth images and similar ones are padded planes of floats (opencl/layout.h), so that a neighbourhood never leaves the
  * buffer; AT gives a pixel's index. Model maps have no margin. */
 
-/* Pixels of a row that a work-item works on at once: 8 on a CPU, 1 on a GPU. */
+/* Pixels of a row that a work-item processes at once: 8 on a CPU, 1 on a GPU. */
 #ifndef LANES
 #define LANES 8
 #endif
@@ -47,7 +47,7 @@ typedef ushort vushort;
 #define SELECT(a, b, c) ((c) ? (b) : (a))
 #endif
 
-/* Down, and to the nearest (at most 8191 from zero), in few instructions. */
+/* Rounding down, and to the nearest (maximum 8191 from zero), in few instructions. */
 inline vint vfloor(vfloat v) {
     vint i = VINT(v);
     vint one = 1;
@@ -58,7 +58,7 @@ inline vint vnear(vfloat v) {
     return VINT(v + 8192.5f) - 8192;
 }
 
-/* Each lane's neighbour on the left; the first one's is nowhere. */
+/* Each lane's neighbour on the left; undefined for the first. */
 inline vint vleft(vint v) {
 #if LANES == 8
     return (int8)(INT_MIN, v.s012, v.s3456);
@@ -67,7 +67,7 @@ inline vint vleft(vint v) {
 #endif
 }
 
-/* Where more pay: as many as the device has in a vector, 8 or 16 on a CPU; 1 on a GPU. */
+/* The same for kernels that gain from more: the width of the device's vectors, 8 or 16 on a CPU; 1 on a GPU. */
 #ifndef WIDE
 #define WIDE LANES
 #endif
@@ -117,23 +117,24 @@ inline void load_pairs(global const float *p, wfloat *even, wfloat *odd) {
 #endif
 }
 
-/* ---- a surface's points in eight bytes: a normal in 11, 11 and 10 bits, and a float (a depth, a plane's distance) ---- */
+/* ---- a surface's points in eight bytes: a normal in 11, 11 and 10 bits, and a float (a depth, a plane's distance)  */
 
 inline vint pack_normals(vfloat x, vfloat y, vfloat z) { /* z is never 1: they face the camera */
     return (vnear(x * 1023.0f) << 21) | (vnear(y * 1023.0f) << 10 & 0x1ffc00) | (vnear(z * 511.5f) & 0x3ff);
 }
 
-inline uint2 pack_point(float3 n, float depth) { /* without a normal all is zero */
+inline uint2 pack_point(float3 n, float depth) { /* all zero without a normal */
     int3 i = convert_int3_rtz(n * (float3)(1023.0f, 1023.0f, 511.5f) + 8192.5f) - 8192;
     return (uint2)(i.x << 21 | (i.y << 10 & 0x1ffc00) | (i.z & 0x3ff), as_uint(depth));
 }
 
 inline float4 unpack_point(uint2 p) {
     int n = p.x;
-    return (float4)(convert_float3((int3)(NORMAL_X(n), NORMAL_Y(n), NORMAL_Z(n))) * NORMAL_UNIT, as_float(p.y));
+    return (float4)(convert_float3((int3)(NORMAL_X(n), NORMAL_Y(n), NORMAL_Z(n))) * NORMAL_UNIT,
+                    as_float(p.y));
 }
 
-/* WIDE points in planes: from one place after the other, or from anywhere. */
+/* WIDE points in planes: at consecutive indices, or at any. */
 #if WIDE == 16
 inline void load_points(const uint2 *from, int16 *first, int16 *second) {
     const int *f = (const int *)from;
@@ -177,7 +178,7 @@ inline void gather_points(global const uint2 *from, int at, int *first, int *sec
 }
 #endif
 
-/* The first `count` of LANES points to one place after the other. */
+/* Stores the first `count` of LANES points at consecutive indices. */
 #if LANES == 8
 inline void store_points(int8 first, int8 second, int count, global uint2 *to) {
     int16 pairs;
@@ -197,7 +198,7 @@ inline void store_points(int first, int second, int count, global uint2 *to) {
 }
 #endif
 
-/* Asks for what the next row will need. PoCL's own prefetch() does nothing. A GPU has other work-items to go on with. */
+/* Prefetches data of the next row. PoCL's prefetch() does nothing. A GPU hides latency with other work-items. */
 #if LANES == 1
 #define FETCH_AHEAD(p)
 #elif defined(POCL_DEVICE_ADDRESS_BITS)

@@ -2,26 +2,28 @@
  * 2013, "Real-time 3D reconstruction at scale using voxel hashing").
  */
 
-#define BEHIND 1.0f /* truncations behind the surface along the ray that a pixel still speaks for */
+#define BEHIND 1.0f /* maximum depth behind the surface along the ray that a pixel is fused into, truncations */
 
-/* Which blocks near the scan's surface are not there yet? Each tile of pixels walks its rays through the truncation band
- * and lists the missing blocks it meets, each once, in its own slots: no atomics, so nothing depends on the order of
- * threads. Tiles overlap in what they ask for; the host takes them in order and drops doubles. A tile with more than
- * TILE_SLOTS asks for the rest in the next frame. Of rows closer together than a third of a block every second, third or
- * fourth will do. turn: only rows of tiles with an odd or even number (1, 0) ask; -1: all.
- * requests: TILE_SLOTS int4 a tile; counts: one int a tile; farthest: the tile's largest depth.
- * Global size: work-items that share a row of tiles, rows of tiles. */
-kernel void request_blocks(global const float *depth, kernel_camera c, kernel_rigid pose, float block_m, float truncation,
-                           global const int4 *table, uint mask, int submap, global int4 *requests, global int *counts,
-                           global float *farthest, int turn) {
+/* Finds the missing blocks near the scan's surface. Each tile of pixels follows its rays through the truncation band
+ * and lists the missing blocks on them, each once, in its own slots: no atomics, so that nothing depends on the order
+ * of threads. Requests of tiles overlap; the host takes them in order and drops doubles. A tile with more than
+ * TILE_SLOTS requests the rest in the next frame. Of rows closer together than a third of a block every second, third
+ * or fourth is enough. turn: only rows of tiles with an odd or even number (1, 0) request; -1: all. requests:
+ * TILE_SLOTS int4 per tile; counts: one int per tile; farthest: the tile's largest depth. Global size: work-items that
+ * share a row of tiles, rows of tiles. */
+kernel void request_blocks(global const float *depth, kernel_camera c, kernel_rigid pose, float block_m,
+                           float truncation, global const int4 *table, uint mask, int submap,
+                           global int4 *requests, global int *counts, global float *farthest, int turn) {
     int tiles_x = (c.width + TILE - 1) / TILE;
     int y0 = get_global_id(1) * TILE, y1 = min(y0 + TILE, c.height);
-    int4 met[8]; /* lately: blocks by whether their coordinates are odd, so that neighbours don't drive each other out */
+    /* recent blocks, by the parity of their coordinates, so that neighbours don't replace each other */
+    int4 met[8];
     for (int i = 0; i < 8; i++) met[i] = INT_MAX;
     vint nowhere = INT_MAX;
     float inverse = 1.0f / block_m, ifx = 1.0f / c.fx;
     float3 origin = (float3)(pose.x.w, pose.y.w, pose.z.w) * inverse;
-    int steps = max(convert_int_rtp(4.0f * truncation * inverse - 0.01f), 1); /* half a block at most, but for rounding */
+    /* maximum half a block, apart from rounding */
+    int steps = max(convert_int_rtp(4.0f * truncation * inverse - 0.01f), 1);
     for (int tile_x = get_global_id(0); tile_x < tiles_x; tile_x += get_global_size(0)) {
         int tile = get_global_id(1) * tiles_x + tile_x, x0 = tile_x * TILE, count = 0;
         global int4 *slots = requests + tile * TILE_SLOTS;
@@ -69,22 +71,24 @@ kernel void request_blocks(global const float *depth, kernel_camera c, kernel_ri
     }
 }
 
-/* The largest depth that any tile under the circle about a point in camera axes has. */
+/* The largest depth of all tiles under a circle about a point in camera axes. */
 inline float farthest_about(global const float *farthest, kernel_camera c, float3 m, float radius) {
     float z = m.z - radius;
     if (z < 0.1f) return INFINITY;
     int tiles_x = (c.width + TILE - 1) / TILE, tiles_y = (c.height + TILE - 1) / TILE;
     float2 at = (float2)(m.x * c.fx, m.y * c.fy) / m.z + (float2)(c.cx, c.cy) + 0.5f;
     float2 reach = (float2)(c.fx, c.fy) * radius / z * sqrt(1.0f + dot(m.xy, m.xy) / (m.z * m.z));
-    int2 low = convert_int2_rtn((at - reach) / (float)TILE), high = convert_int2_rtn((at + reach) / (float)TILE);
+    int2 low = convert_int2_rtn((at - reach) / (float)TILE),
+         high = convert_int2_rtn((at + reach) / (float)TILE);
     float far = 0.0f;
     for (int y = max(low.y, 0); y <= min(high.y, tiles_y - 1); y++)
-        for (int x = max(low.x, 0); x <= min(high.x, tiles_x - 1); x++) far = fmax(far, farthest[y * tiles_x + x]);
+        for (int x = max(low.x, 0); x <= min(high.x, tiles_x - 1); x++)
+            far = fmax(far, farthest[y * tiles_x + x]);
     return far;
 }
 
-/* Is something of a block in view? A sphere about its middle m, in camera axes, against the frustum and what the frame has
- * in front of it. */
+/* Whether part of a block is in view: tests a sphere about its middle m, in camera axes, against the frustum and the
+ * frame's depth. */
 inline bool in_view(global const float *farthest, kernel_camera c, kernel_surface f, float3 m) {
     float radius = 3.5f * 1.7320508f * f.voxel;
     if (m.z < -radius) return false;
@@ -95,25 +99,25 @@ inline bool in_view(global const float *farthest, kernel_camera c, kernel_surfac
     if (m.x * c.fx - right * z > radius * sqrt(c.fx * c.fx + right * right)) return false;
     if (m.y * c.fy + up * z < -radius * sqrt(c.fy * c.fy + up * up)) return false;
     if (m.y * c.fy - down * z > radius * sqrt(c.fy * c.fy + down * down)) return false;
-    /* behind everything the frame sees there? */
+    /* behind all surface in the frame there */
     return m.z - radius <= farthest_about(farthest, c, m, radius) + BEHIND * f.truncation;
 }
 
-/* Stamps the blocks that a frame has in view, before blocks make room for it. seen: gets the frame's number. Global size:
- * blocks in use. */
-kernel void mark_seen(kernel_camera c, global const float *farthest, kernel_rigid world_to_camera, kernel_surface f,
-                      global const int4 *blocks, int frame, global int *seen) {
+/* Stamps the blocks in view of a frame, before other blocks make room for it. seen: set to the frame's number. Global
+ * size: blocks in use. */
+kernel void mark_seen(kernel_camera c, global const float *farthest, kernel_rigid world_to_camera,
+                      kernel_surface f, global const int4 *blocks, int frame, global int *seen) {
     int index = get_global_id(0);
     int4 b = blocks[index];
     float3 middle = (convert_float3(b.xyz * BLOCK_EDGE) + 3.5f) * f.voxel;
     if (b.w == f.submap && in_view(farthest, c, f, transform(world_to_camera, middle))) seen[index] = frame;
 }
 
-/* What fusion needs of a pixel, in eight bytes: the plane that its depth and normal stand for, in camera axes, and its
- * weight. A point p is n . p - w metres in front of the plane. The weight is the depth's inverse variance and how squarely
- * it was seen; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed. Second word:
- * w, made of that n so that the plane holds the pixel's point; its last bits are the weight. Pixels without depth have an
- * infinite w. Global size: work-items that share a row, height. */
+/* Packs a pixel for fusion into eight bytes: the plane by its depth and normal, in camera axes, and its weight. A point
+ * p is n . p - w metres in front of the plane. The weight is the depth's inverse variance times the cosine of
+ * incidence; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed. Second word:
+ * w, computed with the packed n so that the plane contains the pixel's point; its last bits are the weight. Pixels
+ * without depth have an infinite w. Global size: work-items that share a row, height. */
 kernel void pack_planes(global const float *depth, global const float *normals, kernel_camera c, kernel_noise noise,
                         global uint2 *planes) {
     int y = get_global_id(1);
@@ -122,31 +126,32 @@ kernel void pack_planes(global const float *depth, global const float *normals, 
     for (int x = get_global_id(0) * LANES; x < c.width; x += get_global_size(0) * LANES) {
         int i = AT(c, x, y);
         vfloat d = VLOAD(depth + i);
-        vfloat nx = VLOAD(normals + i), ny = VLOAD(normals + c.plane + i), nz = VLOAD(normals + 2 * c.plane + i);
+        vfloat nx = VLOAD(normals + i), ny = VLOAD(normals + c.plane + i),
+               nz = VLOAD(normals + 2 * c.plane + i);
         vfloat rx = (IOTA + (float)x - c.cx) * ifx, across = -1.0f / sqrt(1.0f + rx * rx + ry * ry);
         vint flat = nz != 0.0f;
         vfloat squarely = SELECT(quarter, (nx * rx + ny * ry + nz) * across, flat);
         vfloat sigma = DEPTH_SIGMA(noise, d);
         vfloat weight = WEIGHT_ONE * sigma_1m * sigma_1m * squarely / (sigma * sigma);
-        vint normal = pack_normals(SELECT(rx * across, nx, flat), SELECT(ry * across, ny, flat), SELECT(across, nz, flat));
+        vint normal = pack_normals(SELECT(rx * across, nx, flat), SELECT(ry * across, ny, flat),
+                                   SELECT(across, nz, flat));
         vfloat w = VFLOAT(NORMAL_X(normal)) * rx + VFLOAT(NORMAL_Y(normal)) * ry + VFLOAT(NORMAL_Z(normal));
         w *= NORMAL_UNIT * d;
         vint rounded = (AS_VINT(SELECT(never, w, d > 0.0f)) + WEIGHT_BITS / 2 + 1) & ~WEIGHT_BITS;
-        store_points(normal, rounded | vnear(fmin(fmax(weight, 1.0f), 4.0f * WEIGHT_ONE)), min(c.width - x, LANES),
-                    planes + y * c.width + x);
+        store_points(normal, rounded | vnear(fmin(fmax(weight, 1.0f), 4.0f * WEIGHT_ONE)),
+                     min(c.width - x, LANES), planes + y * c.width + x);
     }
 }
 
 /* Fuses a frame into the blocks in view (Curless and Levoy 1996, eq. 1 and 2): a running average of the distance to the
- * plane that a voxel's pixel stands for. The plane (not the depth along the ray) keeps slanted surfaces true and makes
- * up for the pixels' coarseness. WIDE voxels at once.
- * Of the first `settled` blocks only those with an odd or even place take their turn (turn 1, 0).
- * seen: gets the frame's number for each block in view.
- * planes: of each pixel (pack_planes). farthest: each tile's largest depth.
- * Global size: work-items that share a block, blocks in use. */
-kernel void fuse_blocks(global const uint2 *planes, kernel_camera c, global const float *farthest, kernel_rigid world_to_camera,
-                        kernel_surface f, float max_weight, global const int4 *blocks, int settled, int turn, int frame,
-                        global int *seen, global short *voxels) {
+ * plane of a voxel's pixel. The plane (not the depth along the ray) keeps slanted surfaces true and compensates the
+ * pixels' coarseness. WIDE voxels at once. Of the first `settled` blocks only those at odd or even places are fused
+ * into (turn 1, 0). seen: set to the frame's number for each block in view. planes: of each pixel (pack_planes).
+ * farthest: each tile's largest depth. Global size: work-items that share a block, blocks in use. */
+kernel void fuse_blocks(global const uint2 *planes, kernel_camera c, global const float *farthest,
+                        kernel_rigid world_to_camera, kernel_surface f, float max_weight,
+                        global const int4 *blocks, int settled, int turn, int frame, global int *seen,
+                        global short *voxels) {
     int index = get_global_id(1);
     if (index < settled && (index & 1) != turn) return;
     int4 b = blocks[index];
@@ -177,7 +182,7 @@ kernel void fuse_blocks(global const uint2 *planes, kernel_camera c, global cons
         wint normal, second;
         gather_points(planes, SELECT(nowhere, WINT(v) * c.width + WINT(u), valid), &normal, &second);
         wfloat nx = WFLOAT(NORMAL_X(normal)), ny = WFLOAT(NORMAL_Y(normal)), nz = WFLOAT(NORMAL_Z(normal));
-        /* a voxel's distance s is `along` the ray by s |p| / -n.p, which may be no more than `behind` */
+        /* a voxel's distance s is `along` the ray by s |p| / -n.p, with the maximum `behind` */
         wfloat up = NORMAL_UNIT * (nx * px + ny * py + nz * pz), s = up - AS_WFLOAT(second & ~WEIGHT_BITS);
         wfloat limit = behind * up;
         valid &= (s > -truncation) & (s * fabs(s) * (px * px + py * py + pz * pz) > -limit * limit);
@@ -191,8 +196,9 @@ kernel void fuse_blocks(global const uint2 *planes, kernel_camera c, global cons
     }
 }
 
-/* Makes blocks new: nothing seen. Global size: blocks, rows of eight numbers (BLOCK_SHORTS / 8). */
+/* Sets blocks to never seen. Global size: blocks, rows of eight numbers (BLOCK_SHORTS / 8). */
 kernel void clear_blocks(int first, global short *voxels) {
     size_t block = (size_t)(first + get_global_id(0)), row = get_global_id(1);
-    vstore8((short8)(row / (BLOCK_VOXELS / 8) == VOXEL_DISTANCE ? NEVER_SEEN : 0), 0, voxels + block * BLOCK_SHORTS + 8 * row);
+    vstore8((short8)(row / (BLOCK_VOXELS / 8) == VOXEL_DISTANCE ? NEVER_SEEN : 0), 0,
+            voxels + block * BLOCK_SHORTS + 8 * row);
 }

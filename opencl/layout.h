@@ -1,5 +1,5 @@
-/* What the host and the kernels must agree on: structures, constants, the voxel, the block hash. C includes this file;
- * among the kernels' sources it comes first. */
+/* Shared by the host and the kernels: structures, constants, the voxel, the block hash. C includes this file; among the
+ * kernels' sources it comes first. */
 #ifndef FATHOM_LAYOUT_H
 #define FATHOM_LAYOUT_H
 
@@ -15,7 +15,7 @@ typedef float4 cl_float4;
 #define LAYOUT_INLINE static inline
 #endif
 
-/* ---- images: a padded plane has margins of zeros (invalid), and rows filled up to a multiple of sixteen pixels ---- */
+/* ---- images: a padded plane has margins of zeros (invalid), and rows filled up to a multiple of sixteen pixels --- */
 
 #define PAD_X 8 /* columns on either side */
 #define PAD_Y 2 /* rows above and below */
@@ -32,7 +32,7 @@ typedef struct {
     cl_float4 x, y, z; /* rows of the rotation, with the translation in w */
 } kernel_rigid;
 
-/* The depth frame as it comes. */
+/* The depth frame as received. */
 typedef struct {
     cl_float fx, fy, cx, cy;
     cl_float k1, k2, p1, p2, k3, k4, k5, k6; /* distortion, OpenCV's order */
@@ -49,8 +49,8 @@ typedef struct {
     cl_float base, slope, growth; /* m, 1, 1/m */
 } kernel_noise;
 
-/* A point of a model map, and the plane of a pixel that is fused, take eight bytes: a normal in 11, 11 and 10 bits from the
- * top, signed, and a float. The upper components in place count in units of NORMAL_UNIT. */
+/* A point of a model map, and the plane of a pixel that is fused, take eight bytes: a normal in 11, 11 and 10 bits from
+ * the top, signed, and a float. The upper components in place count in units of NORMAL_UNIT. */
 #define NORMAL_ONE 2145386496.0f /* 1023 * 2^21 and 511.5 * 2^22 */
 #define NORMAL_UNIT (1.0f / NORMAL_ONE)
 #define NORMAL_X(n) ((n) & (cl_int)0xffe00000)
@@ -59,8 +59,8 @@ typedef struct {
 
 /* ---- alignment ---- */
 
-/* Sums of a row: upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w |p|^2,
- * pairs n, pixels where both have a surface. */
+/* Sums of a row: upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w
+ * |p|^2, pairs n, pixels where both have a surface. */
 #define SUMS 35
 #define SUMS_PAIRS 33
 #define SUMS_OVERLAP 34
@@ -77,8 +77,8 @@ typedef struct {
 #define BLOCK_EDGE 8
 #define BLOCK_VOXELS 512
 
-/* What a voxel holds. A block is VOXEL_PLANES planes of BLOCK_VOXELS 16-bit numbers, x fastest: first the distances (short,
- * positive in front of the surface), then the weights (ushort). Voxel i stands at i * voxel metres. */
+/* The content of voxels. A block is VOXEL_PLANES planes of BLOCK_VOXELS 16-bit numbers, x fastest: first the distances
+ * (short, positive in front of the surface), then the weights (ushort). Voxel i lies at i * voxel metres. */
 #define VOXEL_DISTANCE 0
 #define VOXEL_WEIGHT 1
 #define VOXEL_PLANES 2
@@ -92,7 +92,7 @@ typedef struct {
 #define WEIGHT_ONE 64.0f     /* a stored weight of one observation at 1 m */
 #define WEIGHT_BITS 511      /* of a pixel's plane: the last bits of its float hold the weight */
 
-/* A surface to look things up in. */
+/* A surface for lookups. */
 typedef struct {
     cl_float voxel, truncation; /* metres */
     cl_uint mask;               /* of the hash table: entries - 1 */
@@ -100,8 +100,9 @@ typedef struct {
     cl_float min_weight;        /* stored weights up to this count as never seen; 0: all that were seen count */
 } kernel_surface;
 
-/* A block's key is an int4: its coordinates and its submap's number. The hash is open, with linear probing. A table holds
- * `entries` keys (a power of two; submap FREE_ENTRY: none) and then as many ints, the places of those blocks in the pool. */
+/* A block's key is an int4: its coordinates and its submap's number. The hash is open, with linear probing. A table
+ * holds `entries` keys (a power of two; submap FREE_ENTRY: none) and then as many ints, the places of those blocks in
+ * the pool. */
 #define FREE_ENTRY (-1)
 #define TABLE_BYTES(entries) ((size_t)(entries) * 5 * sizeof(cl_int))
 
@@ -112,14 +113,17 @@ LAYOUT_INLINE cl_uint block_hash(cl_int x, cl_int y, cl_int z, cl_int submap) {
     return h ^ (h >> 15);
 }
 
-#define TILE_SLOTS 64 /* blocks that a tile of the frame may ask for */
+#define TILE_SLOTS 64 /* maximum blocks that a tile of the frame requests */
 
 /* ---- marching cubes: cube corner k stands at (k & 1, k >> 1 & 1, k >> 2) ---- */
 
-#define EDGE_ENDS /* the corners that each edge joins */                                                                 \
+/* the corners that each edge joins */
+#define EDGE_ENDS                                                                                            \
     { {0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {1, 3}, {4, 6}, {5, 7}, {0, 4}, {1, 5}, {2, 6}, {3, 7} }
 #define CASE_SIZE 16 /* edges of up to five triangles, then CASE_END */
 #define CASE_END 255
+/* a triangle's corner keeps this part of its edge from either voxel, so that no corners fall together */
+#define CORNER_MARGIN (1.0f / 256)
 #define CASE_TRIANGLES 5
 
 #endif

@@ -1,6 +1,6 @@
 /* Depth maps: metric depth at the alignment's size, edge-preserving smoothing, pyramid, normals and confidence. */
 
-/* Where in the frame the ideal pinhole's pixel (x, y) lies, or -1 outside of it. */
+/* The position in the frame of the ideal pinhole's pixel (x, y), or -1 outside of it. */
 inline int source_index(kernel_depth_source s, int x, int y) {
     if (s.lens) {
         float u = ((float)x - s.cx) / s.fx, v = ((float)y - s.cy) / s.fy;
@@ -10,7 +10,8 @@ inline int source_index(kernel_depth_source s, int x, int y) {
         float ud = u * radial + 2.0f * s.p1 * u * v + s.p2 * (r2 + 2.0f * u * u);
         float vd = v * radial + s.p1 * (r2 + 2.0f * v * v) + 2.0f * s.p2 * u * v;
         float px = ud * s.fx + s.cx, py = vd * s.fy + s.cy;
-        if (!(px > -0.5f && py > -0.5f && px < (float)s.width - 0.5f && py < (float)s.height - 0.5f)) return -1;
+        if (!(px > -0.5f && py > -0.5f && px < (float)s.width - 0.5f && py < (float)s.height - 0.5f))
+            return -1;
         x = convert_int_rtn(px + 0.5f);
         y = convert_int_rtn(py + 0.5f);
     }
@@ -47,8 +48,9 @@ kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kerne
     float8 lane = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
     for (int x = get_global_id(0) * 8; x < c.width; x += get_global_size(0) * 8) {
         int8 inside = lane < (float)(c.width - x); /* distortion can bring depth into the margin */
-        if (s.factor == 1) {                       /* there is nothing to average */
-            vstore8(select((float8)(0.0f), source_depths(raw, s, x, y, 0, 0), inside), 0, depth + AT(c, x, y));
+        if (s.factor == 1) {                       /* no valid pixel to average */
+            vstore8(select((float8)(0.0f), source_depths(raw, s, x, y, 0, 0), inside), 0,
+                    depth + AT(c, x, y));
             continue;
         }
         float8 nearest = INFINITY, sum = 0.0f, count = 0.0f, few[4]; /* of a factor of two all are kept */
@@ -73,7 +75,8 @@ kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kerne
 /* Edge-preserving smoothing over 5x5 pixels: weights fall with the distance in the image (binomial) and with the
  * difference of depth in units of its noise (Tukey's biweight, which is zero beyond `reach` sigma and needs no exp).
  * Global size: work-items that share a row, height. */
-kernel void smooth_depth(global const float *depth, kernel_camera c, kernel_noise noise, float reach, global float *smooth) {
+kernel void smooth_depth(global const float *depth, kernel_camera c, kernel_noise noise, float reach,
+                         global float *smooth) {
     int y = get_global_id(1);
     wfloat zero = 0.0f;
     const float binomial[5] = {1.0f, 4.0f, 6.0f, 4.0f, 1.0f};
@@ -115,7 +118,8 @@ kernel void halve_depth(global const float *fine, kernel_camera f, kernel_camera
             sum += SELECT(zero, z[k], keep);
             count += SELECT(zero, one, keep);
         }
-        WSTORE(SELECT(zero, sum / count, (count > 0.0f) & (COLUMNS < (float)(c.width - x))), coarse + AT(c, x, y));
+        WSTORE(SELECT(zero, sum / count, (count > 0.0f) & (COLUMNS < (float)(c.width - x))),
+               coarse + AT(c, x, y));
     }
 }
 
@@ -133,16 +137,19 @@ kernel void normal_map(global const float *depth, kernel_camera c, kernel_noise 
         wfloat left = WLOAD(depth + i - 1), right = WLOAD(depth + i + 1);
         wfloat up = WLOAD(depth + i - c.pitch), down = WLOAD(depth + i + c.pitch);
         wfloat sigma = DEPTH_SIGMA(noise, z);
-        /* a step to a neighbour across an edge is not a slope: allow what a surface at 75 degrees makes, and noise */
+        /* a step to a neighbour across an edge is not a slope: the maximum is the slope of a surface at 75 degrees,
+         * plus noise */
         wfloat limit = 4.0f * sigma + 4.0f * z / c.fx;
         wint l = (left > 0.0f) & (fabs(left - z) < limit), r = (right > 0.0f) & (fabs(right - z) < limit);
         wint u = (up > 0.0f) & (fabs(up - z) < limit), b = (down > 0.0f) & (fabs(down - z) < limit);
-        wfloat za = SELECT(z, left, l), zb = SELECT(z, right, r), zc = SELECT(z, up, u), zd = SELECT(z, down, b);
+        wfloat za = SELECT(z, left, l), zb = SELECT(z, right, r), zc = SELECT(z, up, u),
+               zd = SELECT(z, down, b);
         wfloat wide = SELECT(zero, one, r) + SELECT(zero, one, l);
         wfloat tall = SELECT(zero, one, b) + SELECT(zero, one, u);
         wint valid = (z > 0.0f) & (wide > 0.0f) & (tall > 0.0f) & (COLUMNS < (float)(c.width - x));
-        wfloat gx = (zb - za) / wide, gy = (zd - zc) / tall; /* slope of the depth, metres a pixel */
-        /* (dP/du) x (dP/dv) for P = ((u - cx) z / fx, (v - cy) z / fy, z), up to a positive factor, pointing to the camera */
+        wfloat gx = (zb - za) / wide, gy = (zd - zc) / tall; /* slope of the depth, metres per pixel */
+        /* (dP/du) x (dP/dv) for P = ((u - cx) z / fx, (v - cy) z / fy, z), up to a positive factor, pointing to the
+         * camera */
         wfloat px = (float)x + COLUMNS - c.cx;
         float py = (float)y - c.cy;
         wfloat nx = c.fx * gx, ny = c.fy * gy, nz = -(z + px * gx + py * gy);
@@ -159,12 +166,14 @@ kernel void normal_map(global const float *depth, kernel_camera c, kernel_noise 
     }
 }
 
-/* A frame's maps in the model's form, normal and depth, so that the next one can be aligned with it. Global size: width,
- * height. */
-kernel void pack_map(global const float *depth, global const float *normals, kernel_camera c, global uint2 *packed) {
+/* A frame's maps in the model's form, normal and depth, so that the next one can be aligned with it. Global size:
+ * width, height. */
+kernel void pack_map(global const float *depth, global const float *normals, kernel_camera c,
+                     global uint2 *packed) {
     int x = get_global_id(0), y = get_global_id(1);
     int i = AT(c, x, y);
-    packed[y * c.width + x] = pack_point((float3)(normals[i], normals[c.plane + i], normals[2 * c.plane + i]), depth[i]);
+    packed[y * c.width + x] =
+        pack_point((float3)(normals[i], normals[c.plane + i], normals[2 * c.plane + i]), depth[i]);
 }
 
 /* The next coarser model map: of 2x2 pixels those near the nearest one are averaged.

@@ -1,9 +1,9 @@
 /* Ray-cast of the surface to model maps (Newcombe et al. 2011, "KinectFusion", Section 3.3), over the hashed blocks. */
 
-/* The eight stored distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. Doesn't look at
- * min_weight: for ray-casts. */
-inline bool stored_cube(global const short *voxels, global const int4 *table, kernel_surface f, int3 i, short8 *cube,
-                        int3 *last, int *place) {
+/* The eight stored distances about the cube whose lowest voxel is i: x fastest. False if one was never seen. Ignores
+ * min_weight, as ray-casts do. */
+inline bool stored_cube(global const short *voxels, global const int4 *table, kernel_surface f, int3 i,
+                        short8 *cube, int3 *last, int *place) {
     int3 in = i & 7, b = i >> 3;
     if (any(b != *last)) {
         *last = b;
@@ -16,7 +16,7 @@ inline bool stored_cube(global const short *voxels, global const int4 *table, ke
         stored = (short8)(vload2(0, d), vload2(0, d + 8), vload2(0, d + 64), vload2(0, d + 72));
     } else { /* some axes reach into the next block: bit 0 for x, 1 for y, 2 for z, as in a corner's number */
         int over = (in.x == 7) | (in.y == 7) << 1 | (in.z == 7) << 2;
-        global const short *from[8]; /* where a corner's block would have the cube's lowest voxel */
+        global const short *from[8]; /* index of the cube's lowest voxel in a corner's block */
         short c[8];
         from[0] = d;
         for (int k = 1; k < 8; k++) {
@@ -38,8 +38,8 @@ inline bool stored_cube(global const short *voxels, global const int4 *table, ke
 }
 
 /* The same in truncations. */
-inline bool cube_at(global const short *voxels, global const int4 *table, kernel_surface f, int3 i, float8 *cube,
-                    int3 *last, int *place) {
+inline bool cube_at(global const short *voxels, global const int4 *table, kernel_surface f, int3 i,
+                    float8 *cube, int3 *last, int *place) {
     short8 stored;
     bool seen = stored_cube(voxels, table, f, i, &stored, last, place);
     if (seen) *cube = convert_float8(stored) * (1.0f / TSDF_ONE);
@@ -62,15 +62,15 @@ inline float3 interpolate_gradient(float8 c, float3 t) {
 }
 
 /* Distance at p, in voxels; NAN if one of the eight voxels about it was never seen. */
-inline float distance_at(global const short *voxels, global const int4 *table, kernel_surface f, float3 p, int3 *last,
-                         int *place) {
+inline float distance_at(global const short *voxels, global const int4 *table, kernel_surface f, float3 p,
+                         int3 *last, int *place) {
     float8 c;
     int3 i = convert_int3_rtn(p);
     return cube_at(voxels, table, f, i, &c, last, place) ? interpolate(c, p - convert_float3(i)) : NAN;
 }
 
 /* Nearest and farthest depth of any block for each tile of TILE x TILE pixels, so that rays start close to the surface.
- * ranges: two ints a tile, the bits of positive floats, which sort as integers do. First clear_ranges (global size:
+ * ranges: two ints per tile, the bits of positive floats, which sort as integers do. First clear_ranges (global size:
  * tiles), then range_blocks (global size: blocks in use). Minimum and maximum don't depend on the order of threads. */
 kernel void clear_ranges(global int *ranges) {
     int i = get_global_id(0);
@@ -78,8 +78,8 @@ kernel void clear_ranges(global int *ranges) {
     ranges[2 * i + 1] = 0;
 }
 
-kernel void range_blocks(global const int4 *blocks, kernel_surface f, kernel_camera c, kernel_rigid world_to_camera,
-                         float near_m, float far_m, global int *ranges) {
+kernel void range_blocks(global const int4 *blocks, kernel_surface f, kernel_camera c,
+                         kernel_rigid world_to_camera, float near_m, float far_m, global int *ranges) {
     int4 b = blocks[get_global_id(0)];
     if (b.w != f.submap) return;
     float voxel = f.voxel, edge = voxel * BLOCK_EDGE;
@@ -102,10 +102,12 @@ kernel void range_blocks(global const int4 *blocks, kernel_surface f, kernel_cam
     if (farthest < near_m || nearest > far_m) return;
     if (!(high.x > -1.0f && high.y > -1.0f && low.x < (float)c.width && low.y < (float)c.height)) return;
     int tiles_x = (c.width + TILE - 1) / TILE;
-    int x0 = convert_int_rtn(fmax(low.x - 1.0f, 0.0f)) / TILE, y0 = convert_int_rtn(fmax(low.y - 1.0f, 0.0f)) / TILE;
+    int x0 = convert_int_rtn(fmax(low.x - 1.0f, 0.0f)) / TILE,
+        y0 = convert_int_rtn(fmax(low.y - 1.0f, 0.0f)) / TILE;
     int x1 = convert_int_rtn(fmin(high.x + 1.0f, (float)(c.width - 1))) / TILE;
     int y1 = convert_int_rtn(fmin(high.y + 1.0f, (float)(c.height - 1))) / TILE;
-    int near_bits = as_int(fmax(nearest - 2.0f * voxel, near_m)), far_bits = as_int(fmin(farthest + 2.0f * voxel, far_m));
+    int near_bits = as_int(fmax(nearest - 2.0f * voxel, near_m)),
+        far_bits = as_int(fmin(farthest + 2.0f * voxel, far_m));
     for (int y = y0; y <= y1; y++)
         for (int x = x0; x <= x1; x++) {
             volatile global int *range = ranges + 2 * (y * tiles_x + x);
@@ -120,7 +122,7 @@ typedef struct {
     float3 ray; /* of the pixel, in camera axes, with z = 1 */
 } voxel_ray;
 
-/* Through a pointer: returned by value it makes Clang write what Oclgrind 21.10 doesn't know (noalias scopes). */
+/* Returned through a pointer: by value, Clang emits noalias scopes, which Oclgrind 21.10 doesn't know. */
 inline void pixel_ray(kernel_surface f, kernel_camera c, kernel_rigid pose, int x, int y, voxel_ray *r) {
     r->ray = (float3)(((float)x - c.cx) / c.fx, ((float)y - c.cy) / c.fy, 1.0f);
     r->step = rotate_vector(pose, r->ray) / f.voxel;
@@ -135,8 +137,8 @@ inline float4 model_point(kernel_rigid pose, voxel_ray r, float3 gradient, float
     return dot(n, r.ray) < 0.0f ? (float4)(n, depth) : (float4)(0.0f);
 }
 
-/* From block to block where there are none, by the stored distance where there are, to the first change from outside to
- * inside; there the distance is interpolated between voxels and the crossing found by regula falsi. */
+/* Steps from block to block in empty space, by the stored distance within blocks, to the first change from outside to
+ * inside; there interpolates between voxels and finds the crossing by regula falsi. */
 inline float4 march(global const short *voxels, global const int4 *table, kernel_surface f, kernel_rigid pose,
                     voxel_ray r, float t, float end) {
     float speed = length(r.step); /* voxels a metre of depth */
@@ -144,7 +146,7 @@ inline float4 march(global const short *voxels, global const int4 *table, kernel
     float one_voxel = 1.0f / speed;
     int3 last = (int3)(INT_MAX);
     int place = -1;
-    float previous = -1.0f, previous_t = t; /* a ray starts "inside": a back side is passed through */
+    float previous = -1.0f, previous_t = t; /* a ray that starts "inside" passes through the back of a surface */
     while (t < end) {
         float3 p = r.origin + r.step * t;
         float d = voxel_at(voxels, table, f, convert_int3_rtn(p + 0.5f), &last, &place);
@@ -161,7 +163,7 @@ inline float4 march(global const short *voxels, global const int4 *table, kernel
             t += one_voxel;
             continue;
         }
-        if (d < 0.3f) { /* near the surface: between the voxels */
+        if (d < 0.3f) { /* near the surface: interpolate between voxels */
             float fine = distance_at(voxels, table, f, p, &last, &place);
             if (!isnan(fine)) d = fine;
         }
@@ -188,14 +190,14 @@ inline float4 march(global const short *voxels, global const int4 *table, kernel
         }
         previous = d;
         previous_t = t;
-        /* the stored distance is to the surface's plane as some camera saw it: nearly, but not always, the least */
+        /* the stored distance is to the plane that a camera saw: nearly, but not always, the distance to the surface */
         t += fmax(0.8f * fabs(d) * f.truncation / f.voxel, 0.7f) * one_voxel;
     }
     return (float4)(0.0f);
 }
 
-/* The surface as the camera sees it: normal in camera axes, towards the camera, and depth; zero where nothing was met.
- * Global size: width, height. */
+/* The surface as the camera sees it: normal in camera axes, towards the camera, and depth; zero without a hit. Global
+ * size: width, height. */
 kernel void raycast(global const short *voxels, global const int4 *table, kernel_surface f, kernel_camera c,
                     kernel_rigid pose, global const int *ranges, global uint2 *model) {
     int x = get_global_id(0), y = get_global_id(1);
@@ -208,14 +210,15 @@ kernel void raycast(global const short *voxels, global const int4 *table, kernel
 }
 
 #define NEWTON_STEPS 4
-#define NEWTON_STEEP 0.2f /* cosine between ray and normal; what is seen more from the side may be missed altogether */
-#define NEWTON_CLOSE 0.05f /* voxels: a step so small ends it */
-#define NEWTON_WITHIN 0.3f /* the same where it stays within the cube, so that the surface is known there */
+#define NEWTON_STEEP 0.2f /* minimum cosine between ray and normal; surfaces seen at a flatter angle may be missed */
+#define NEWTON_CLOSE 0.05f /* voxels: a step below this ends it */
+#define NEWTON_WITHIN 0.3f /* the same within one cube, where the distance is trilinear */
 
-/* A corner's distance, of all lanes. */
+/* The distances at a corner, for all lanes. */
 #if LANES == 8
-#define CORNER(q, k) \
-    convert_float8((short8)(q[0].s##k, q[1].s##k, q[2].s##k, q[3].s##k, q[4].s##k, q[5].s##k, q[6].s##k, q[7].s##k))
+#define CORNER(q, k)                                                                                         \
+    convert_float8(                                                                                          \
+        (short8)(q[0].s##k, q[1].s##k, q[2].s##k, q[3].s##k, q[4].s##k, q[5].s##k, q[6].s##k, q[7].s##k))
 #else
 #define CORNER(q, k) convert_float(q[0].s##k)
 #endif
@@ -223,19 +226,20 @@ kernel void raycast(global const short *voxels, global const int4 *table, kernel
 /* The same for alignment, which needs the surface only where the scan has one, and near it. Where the camera's pose is
  * nearly right, the scan's own depth is the best start: Newton's method along the ray from there, one or two cubes of
  * voxels instead of a march. Where that fails, and `marched` isn't 0, the ray is marched from `reach` before the scan's
- * depth to as far behind. Global size: strips of LANES pixels a row, height. */
-kernel void raycast_near(global const short *voxels, global const int4 *table, kernel_surface f, kernel_camera c,
-                         kernel_rigid pose, global const float *scan, float reach, int marched, global uint2 *model) {
+ * depth to as far behind. Global size: strips of LANES pixels per row, height. */
+kernel void raycast_near(global const short *voxels, global const int4 *table, kernel_surface f,
+                         kernel_camera c, kernel_rigid pose, global const float *scan, float reach,
+                         int marched, global uint2 *model) {
     int x0 = get_global_id(0) * LANES, y = get_global_id(1);
     vfloat z = VLOAD(scan + AT(c, x0, y)), t = z;
     vfloat u = ((float)x0 + IOTA - c.cx) / c.fx; /* of the rays, in camera axes, with z = 1 */
     float v = ((float)y - c.cy) / c.fy, inverse = 1.0f / f.voxel;
-    vfloat sx = (pose.x.x * u + (pose.x.y * v + pose.x.z)) * inverse; /* in the world, voxels a metre of depth */
+    vfloat sx = (pose.x.x * u + (pose.x.y * v + pose.x.z)) * inverse; /* in the world, voxels per metre of depth */
     vfloat sy = (pose.y.x * u + (pose.y.y * v + pose.y.z)) * inverse;
     vfloat sz = (pose.z.x * u + (pose.z.y * v + pose.z.z)) * inverse;
     vfloat speed = sqrt(sx * sx + sy * sy + sz * sz);
     float ox = pose.x.w * inverse, oy = pose.y.w * inverse, oz = pose.z.w * inverse;
-    vfloat nx = 0.0f, ny = 0.0f, nz = 0.0f; /* the gradient where the surface was met, in the world */
+    vfloat nx = 0.0f, ny = 0.0f, nz = 0.0f; /* the gradient at the hit, in the world */
     vint open = z > 0.0f, met = 0;
     int3 last = (int3)(INT_MAX);
     int place = -1;
@@ -250,26 +254,31 @@ kernel void raycast_near(global const short *voxels, global const int4 *table, k
         VSTORE(VINT(lz), iz);
         for (int l = 0; l < LANES; l++) {
             cube[l] = 0;
-            if (go[l] && !stored_cube(voxels, table, f, (int3)(ix[l], iy[l], iz[l]), &cube[l], &last, &place)) go[l] = 0;
+            if (go[l] && !stored_cube(voxels, table, f, (int3)(ix[l], iy[l], iz[l]), &cube[l], &last, &place))
+                go[l] = 0;
         }
         open = VLOAD(go);
         /* trilinear, x first, with the derivatives along */
         vfloat fx = px - lx, fy = py - ly, fz = pz - lz;
         vfloat c0 = CORNER(cube, 0), c2 = CORNER(cube, 2), c4 = CORNER(cube, 4), c6 = CORNER(cube, 6);
-        vfloat dx0 = CORNER(cube, 1) - c0, dx1 = CORNER(cube, 3) - c2, dx2 = CORNER(cube, 5) - c4, dx3 = CORNER(cube, 7) - c6;
+        vfloat dx0 = CORNER(cube, 1) - c0, dx1 = CORNER(cube, 3) - c2, dx2 = CORNER(cube, 5) - c4,
+               dx3 = CORNER(cube, 7) - c6;
         vfloat x00 = c0 + dx0 * fx, x10 = c2 + dx1 * fx, x01 = c4 + dx2 * fx, x11 = c6 + dx3 * fx;
         vfloat dy0 = x10 - x00, dy1 = x11 - x01, xy0 = x00 + dy0 * fy, xy1 = x01 + dy1 * fy;
         vfloat dxy0 = dx0 + (dx1 - dx0) * fy, dxy1 = dx2 + (dx3 - dx2) * fy;
         vfloat gx = dxy0 + (dxy1 - dxy0) * fz, gy = dy0 + (dy1 - dy0) * fz, gz = xy1 - xy0;
         vfloat value = xy0 + gz * fz, slope = gx * sx + gy * sy + gz * sz;
-        /* not flat, nor the back of something, nor seen from the side */
+        /* neither degenerate, nor a back side, nor seen at a flat angle */
         open = open & (slope < 0.0f) & (fabs(value) <= 0.99f * TSDF_ONE) &
                (slope * slope > NEWTON_STEEP * NEWTON_STEEP * (gx * gx + gy * gy + gz * gz) * speed * speed);
         vfloat change = value / SELECT((vfloat)(1.0f), -slope, open);
         t = SELECT(t, t + change, open);
         open = open & (fabs(t - z) <= reach);
-        vint same = (VFLOAT(vfloor(ox + sx * t)) == lx) & (VFLOAT(vfloor(oy + sy * t)) == ly) & (VFLOAT(vfloor(oz + sz * t)) == lz); /* cube */
-        vint close = open & (fabs(change) * speed < SELECT((vfloat)(NEWTON_CLOSE), (vfloat)(NEWTON_WITHIN), same));
+        /* the same cube */
+        vint same = (VFLOAT(vfloor(ox + sx * t)) == lx) & (VFLOAT(vfloor(oy + sy * t)) == ly) &
+                    (VFLOAT(vfloor(oz + sz * t)) == lz);
+        vint close =
+            open & (fabs(change) * speed < SELECT((vfloat)(NEWTON_CLOSE), (vfloat)(NEWTON_WITHIN), same));
         nx = SELECT(nx, gx, close);
         ny = SELECT(ny, gy, close);
         nz = SELECT(nz, gz, close);

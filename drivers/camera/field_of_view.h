@@ -1,4 +1,4 @@
-/* Intrinsics of a camera that knows its field of view only. */
+/* Intrinsics of a camera from its field of view. */
 #ifndef FATHOM_FIELD_OF_VIEW_H
 #define FATHOM_FIELD_OF_VIEW_H
 

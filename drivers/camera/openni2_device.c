@@ -95,7 +95,7 @@ static int read_view(openni2_device *d, char *why, size_t size) {
     return FATHOM_ERROR_PROTOCOL;
 }
 
-/* Colour is taken only when it can be laid over the depth. */
+/* Colour is used only when it can be registered to the depth. */
 static void add_color(openni2_device *d) {
     const OniImageRegistrationMode mode = ONI_IMAGE_REGISTRATION_DEPTH_TO_COLOR;
     const OniVideoMode wanted = {.pixelFormat = ONI_PIXEL_FORMAT_RGB888,

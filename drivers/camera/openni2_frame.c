@@ -1,10 +1,10 @@
-/* Frames as libOpenNI2 hands them over. A driver plug-in may say anything; nothing is read that it didn't give. */
+/* Checks of libOpenNI2's frames. A driver plug-in may return any values; nothing outside of its buffers is read. */
 #include <stdio.h>
 #include <string.h>
 
 #include "camera/openni2_internal.h"
 
-#define LAST_STAMP_US (UINT64_MAX >> 12) /* 142 years: more is no stamp */
+#define LAST_STAMP_US (UINT64_MAX >> 12) /* 142 years: larger stamps are invalid */
 
 bool openni2_frame_is_good(const OniFrame *frame, const OniVideoMode *mode, char *why, size_t size) {
     const int64_t row = (int64_t)mode->resolutionX * oniFormatBytesPerPixel(mode->pixelFormat);

@@ -8,10 +8,10 @@
 #include "source_log.h"
 
 #define SLICE_MS 50         /* a wait for libOpenNI2 can't be cancelled */
-#define SILENT_SLICES 20    /* then it is asked whether the device is still there */
-#define SEARCH_NS 500000000 /* between two looks for a device that was unplugged */
-#define MOST_COMPLAINTS 3   /* lines in the log of frames that made no sense */
-#define MOST_MISSING 100000 /* a greater jump of the frame number is no loss but another count */
+#define SILENT_SLICES 20    /* then the device's presence is checked */
+#define SEARCH_NS 500000000 /* between two searches for an unplugged device */
+#define MOST_COMPLAINTS 3   /* maximum log lines about invalid frames */
+#define MOST_MISSING 100000 /* a larger jump of the frame number is a new count, not a loss */
 
 int openni2_start_streams(openni2_source *s, char *why, size_t size) {
     char words[256];
@@ -52,8 +52,11 @@ static void count_missing(openni2_source *s, int index) {
 static void add_color(openni2_source *s, int64_t device_ns, source_slot *slot) {
     const int64_t apart_ns = s->color_ns - device_ns;
     slot->about.image = NULL;
-    if (!slot->color || !s->has_color || s->device.mode.fps <= 0 || llabs(apart_ns) > 750000000 / s->device.mode.fps) return;
-    memcpy(slot->color, s->color, 3 * (size_t)s->device.mode.resolutionX * (size_t)s->device.mode.resolutionY);
+    if (!slot->color || !s->has_color || s->device.mode.fps <= 0 ||
+        llabs(apart_ns) > 750000000 / s->device.mode.fps)
+        return;
+    memcpy(slot->color, s->color,
+           3 * (size_t)s->device.mode.resolutionX * (size_t)s->device.mode.resolutionY);
     slot->image.timestamp_ns = slot->about.timestamp_ns + apart_ns;
     slot->about.image = &slot->image;
 }
@@ -152,7 +155,7 @@ static bool find_again(openni2_source *s) {
     return found;
 }
 
-/* After an unplug. False: the thread is to end. */
+/* Waits for an unplugged device. False: the thread is to end. */
 static bool wait_for_return(openni2_source *s) {
     openni2_watch(s, NULL);
     openni2_device_close(&s->device);

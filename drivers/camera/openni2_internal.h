@@ -1,4 +1,4 @@
-/* What the parts of the OpenNI2 driver share. */
+/* Shared by the parts of the OpenNI2 driver. */
 #ifndef FATHOM_OPENNI2_INTERNAL_H
 #define FATHOM_OPENNI2_INTERNAL_H
 
@@ -18,38 +18,37 @@ typedef struct _OniRecorder _OniRecorder;
 
 /* ---- openni2_library.c: libOpenNI2 itself ---- */
 
-/* Starts it when it wasn't yet; each source and each enumeration holds it. It is shut down when the program ends: each
- * start and end loses memory (2.2.0.33 with Debian's drivers: 138 kB). FATHOM_OK, or an error with the reason in
- * `why`. */
+/* Starts it if necessary; each source and each enumeration holds it. It is shut down when the program ends: each start
+ * and end loses memory (2.2.0.33 with Debian's drivers: 138 kB). FATHOM_OK, or an error with the reason in `why`. */
 int openni2_hold(char *why, size_t size);
 void openni2_release(void);
 
-/* Opening, closing and listing devices happen one at a time in a process. */
+/* Serialises opening, closing and listing of devices within the process. */
 void openni2_lock(void);
 void openni2_unlock(void);
 
-/* A thread that runs job(user), taken from those that have done theirs, or new; NULL: none could be made. Threads
- * that have waited for frames may not end: libOpenNI2 2.2 remembers each of them and asks by pthread_kill(thread, 0)
- * whether it still lives, which crashes when it doesn't. */
+/* A thread that runs job(user), an idle one or a new one; NULL: none could be created. Threads that have waited for
+ * frames may not end: libOpenNI2 2.2 remembers each of them and asks by pthread_kill(thread, 0) whether it still lives,
+ * which crashes when it doesn't. */
 typedef struct openni2_worker openni2_worker;
 openni2_worker *openni2_hire(void (*job)(void *user), void *user);
 
 /* Waits until the job has returned. */
 void openni2_dismiss(openni2_worker *worker);
 
-/* libOpenNI2's last words on this thread, as one line. */
+/* libOpenNI2's last error message on this thread, as one line. */
 const char *openni2_words(char *text, size_t size);
 
-/* ---- openni2_usb.c: depth cameras on the USB, whether OpenNI2 sees them or not ---- */
+/* ---- openni2_usb.c: depth cameras on the USB, whether OpenNI2 finds them or not ---- */
 
 typedef struct {
     int vendor, product, bus, address;
-    const char *name;   /* as the table of cameras has it; NULL: not in the table */
-    const char *plugin; /* what drives it, in words */
+    const char *name;   /* from the table of cameras; NULL: not in the table */
+    const char *plugin; /* name of OpenNI2's driver for it */
     char path[128];     /* in sysfs */
 } openni2_usb;
 
-/* root: "" (a folder that holds sys and dev, for tests). Returns how many there are, at most `most`. */
+/* root: "" (a folder that holds sys and dev, for tests). Returns their number, maximum `most`. */
 int openni2_usb_list(const char *root, openni2_usb *cameras, int most);
 
 /* FATHOM_OK, FATHOM_ERROR_PERMISSION, _BUSY, or _NO_DEVICE; the reason and the fix in `why`. */
@@ -63,11 +62,11 @@ typedef struct {
     OniDeviceHandle device;       /* NULL: not open */
     OniStreamHandle depth, color; /* color NULL: none */
     OniVideoMode mode;
-    bool mirrored; /* it gives mirrored pictures and can't be made to stop */
+    bool mirrored; /* its frames are mirrored, and mirroring can't be switched off */
     float fov[2];  /* radians, horizontal and vertical */
 } openni2_device;
 
-/* What is wanted of a device. */
+/* The requested mode of a device. */
 typedef struct {
     int width, height; /* pixels */
     double rate_hz;
@@ -75,25 +74,25 @@ typedef struct {
     bool color;
 } openni2_wish;
 
-/* The mode nearest to the wish: by size, then rate, then format. NULL: no mode gives depth in known units. */
+/* The mode nearest to the wish: by size, then rate, then format. NULL: no mode has depth in known units. */
 const OniVideoMode *openni2_choose_mode(const OniVideoMode *modes, int count, const openni2_wish *wish);
 
 /* Opens device->uri. FATHOM_OK, or an error with its reason in `why`; then nothing stays open. */
 int openni2_device_open(openni2_device *device, const openni2_wish *wish, char *why, size_t size);
 void openni2_device_close(openni2_device *device);
 
-/* The serial of an open device; "" when it doesn't tell. */
+/* The serial number of an open device; "" when it has none. */
 void openni2_device_serial(OniDeviceHandle device, char *serial, size_t size);
 
-/* What a failed oniDeviceOpen means. */
+/* The error code and reason of a failed oniDeviceOpen. */
 int openni2_open_fault(const char *uri, char *why, size_t size);
 
 /* ---- openni2_frame.c ---- */
 
-/* The frame is what the mode promises, in every field; else `why` says what isn't. */
+/* Whether every field of the frame agrees with the mode; else `why` has the difference. */
 bool openni2_frame_is_good(const OniFrame *frame, const OniVideoMode *mode, char *why, size_t size);
 
-/* Copies pixels row by row, turned round when mirrored. */
+/* Copy pixels row by row, reversed when mirrored. */
 void openni2_copy_depth(const OniFrame *frame, bool mirrored, uint16_t *depth);
 void openni2_copy_color(const OniFrame *frame, bool mirrored, uint8_t *color);
 
@@ -102,7 +101,7 @@ void openni2_copy_color(const OniFrame *frame, bool mirrored, uint8_t *color);
 typedef struct {
     fathom_source base;
     openni2_wish wish;
-    openni2_device device;                 /* the worker's while there is one */
+    openni2_device device;                 /* owned by the worker while there is one */
     char name[96], serial[64];             /* of the device */
     fathom_pinhole camera; /* as first opened */
     double units_per_metre;
@@ -111,7 +110,7 @@ typedef struct {
     OniCallbackHandle watch;
     pthread_mutex_t watch_lock;
     char watched[ONI_MAX_STR]; /* the open device's uri, under watch_lock; "": none */
-    atomic_bool gone;          /* libOpenNI2 has said that it was unplugged */
+    atomic_bool gone;          /* libOpenNI2 has reported that it was unplugged */
     clock_map clock;
     int last_index;   /* of the device's frames; 0: none yet */
     uint8_t *color;   /* the newest colour frame */
@@ -123,7 +122,7 @@ typedef struct {
 /* Starts the open device's streams. */
 int openni2_start_streams(openni2_source *source, char *why, size_t size);
 
-/* From now on `gone` tells of this device; NULL: of none. */
+/* Makes `gone` refer to this device from now on; NULL: to none. */
 void openni2_watch(openni2_source *source, const char *uri);
 
 /* user: an openni2_source whose streams have been started. */

@@ -1,8 +1,8 @@
 /*
- * An .oni recording is a header and records, all little-endian. A record is a header of 28 bytes (magic, type, node, size
- * of header and fields, size of the payload, position of the record it replaces), fields, payload. A property's fields are
- * a name and a value, each with its size before it; a frame's are a stamp in microseconds and a number; its payload is the
- * frame, compressed by the codec that its node (stream) names.
+ * An .oni recording is a header and records, all little-endian. A record is a header of 28 bytes (magic, type, node,
+ * size of header and fields, size of the payload, position of the record it replaces), fields, payload. A property's
+ * fields are a name and a value, each with its size before it; a frame's are a stamp in microseconds and a number; its
+ * payload is the frame, compressed by the codec that its node (stream) names.
  */
 #include "camera/openni2_oni.h"
 
@@ -84,8 +84,8 @@ static bool put_change(struct decoder *d, int change) {
     return put(d);
 }
 
-/* A byte below 0xe0 holds two changes of -6..8 (the second one 15: none); up to 0xfe twice so many repeats; 0xff comes
- * before a greater change (top bit set) or a whole value. */
+/* A byte below 0xe0 holds two changes of -6..8 (the second one 15: none); 0xe0..0xfe stands for 2 (byte - 0xe0)
+ * repeats; 0xff precedes a larger change (top bit set) or a whole value. */
 bool oni_decode(const uint8_t *bytes, size_t size, bool with_table, uint16_t *depth, size_t pixels) {
     struct decoder d = {.values = 0x10000, .depth = depth, .pixels = pixels};
     size_t at = 0;
@@ -168,7 +168,7 @@ static uint32_t read_name(const oni_file *f, const char **name) {
     return 4 + length;
 }
 
-/* A stream; only the first that gives depth counts. */
+/* Reads a stream; only the first one of depth is used. */
 static int read_node(oni_file *f, char *why, size_t size) {
     static const char *const codecs[] = {"NONE", "16zP", "16zT"};
     const char *name;
@@ -204,7 +204,7 @@ static double real(const uint8_t *bytes) {
     return value;
 }
 
-/* What a property of the depth says; most don't matter. */
+/* Reads a property of the depth stream; most are ignored. */
 static int read_property(oni_file *f, char *why, size_t size) {
     const char *name;
     const uint32_t at = read_name(f, &name);
@@ -234,7 +234,7 @@ static bool is_frame(const oni_file *f) {
 
 /* ---- the file ---- */
 
-/* Up to the first frame, or the end of a recording without one. */
+/* Reads up to the first frame, or to the end of a recording without one. */
 static int read_head(oni_file *f, char *why, size_t size) {
     uint8_t header[FILE_HEADER];
     if (fread(header, 1, sizeof header, f->file) != sizeof header || memcmp(header, "NI10", 4) != 0) {

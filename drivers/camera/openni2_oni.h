@@ -1,6 +1,6 @@
 /*
- * The depth of an .oni recording, read without libOpenNI2: its own player crashes on damaged files, and now and then on
- * good ones when they are closed.
+ * The depth of an .oni recording, read without libOpenNI2: its own player crashes on damaged files, and sometimes on
+ * closing good ones.
  */
 #ifndef FATHOM_OPENNI2_ONI_H
 #define FATHOM_OPENNI2_ONI_H
@@ -14,7 +14,7 @@ typedef struct {
     int width, height;
     double fov[2];          /* radians, horizontal and vertical */
     double units_per_metre; /* of depth: 1000 or 10000 */
-    int frame_total;        /* as the recorder wrote it at its end; 0: it never came to that */
+    int frame_total;        /* written by the recorder at its end; 0: it didn't finish */
 } oni_description;
 
 typedef struct oni_file oni_file;
@@ -28,11 +28,11 @@ void oni_close(oni_file *file);
 void oni_rewind(oni_file *file);
 
 /* The next frame into width * height pixels, not mirrored. FATHOM_OK; FATHOM_ERROR_ENDED after the last one;
- * FATHOM_ERROR_SIZE: this frame makes no sense, the next may; FATHOM_ERROR_PROTOCOL: the file breaks off or is damaged
- * from here on. For the last two the reason is in `why`. Takes no memory. */
+ * FATHOM_ERROR_SIZE: this frame is invalid, the next may not be; FATHOM_ERROR_PROTOCOL: the file is truncated or
+ * damaged from here on. For the last two the reason is in `why`. Allocates no memory. */
 int oni_next(oni_file *file, uint16_t *depth, int64_t *stamp_ns, int *number, char *why, size_t size);
 
-/* Decodes the codecs 16zP (table NULL) and 16zT: whether exactly `pixels` came out. */
+/* Decodes the codecs 16zP (with_table false) and 16zT (true); false unless the result has exactly `pixels`. */
 bool oni_decode(const uint8_t *bytes, size_t size, bool with_table, uint16_t *depth, size_t pixels);
 
 #endif

@@ -1,5 +1,5 @@
-/* An .oni recording as a source. A thread feeds the queue: at the pace of the stamps, or, with speed 0, at the reader's own
- * pace, where nothing is dropped. */
+/* An .oni recording as a source. A thread feeds the queue: at the pace of the stamps, or, with speed 0, at the reader's
+ * own pace, where nothing is dropped. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,7 +11,7 @@
 #include "source_log.h"
 #include "source_queue.h"
 
-#define MOST_COMPLAINTS 3 /* lines in the log of frames that made no sense */
+#define MOST_COMPLAINTS 3 /* maximum log lines about invalid frames */
 
 typedef struct {
     fathom_source base;

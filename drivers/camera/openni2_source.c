@@ -26,7 +26,7 @@ static void describe_device(openni2_device *d, const OniDeviceInfo *info) {
     snprintf(d->name, sizeof d->name, "%.40s %.50s", info->vendor, info->name);
 }
 
-/* The cameras that libOpenNI2 lists, at most `most`; their number. */
+/* Lists libOpenNI2's cameras, maximum `most`; returns their number. */
 static int list_devices(openni2_device *devices, int most) {
     OniDeviceInfo *list = NULL;
     int count = 0;
@@ -45,7 +45,7 @@ static int list_devices(openni2_device *devices, int most) {
     return count;
 }
 
-/* Opens it for a moment: its serial, and whether it can be opened. */
+/* Opens it briefly, for its serial number and to see whether it can be opened. */
 static int probe(openni2_device *d, char *why, size_t size) {
     int result = FATHOM_OK;
     openni2_lock();
@@ -85,7 +85,8 @@ static int report_usb(fathom_source_found found, void *user, const openni2_devic
     const int plugged = openni2_usb_list("", cameras, MOST_DEVICES);
     int seen = 0;
     for (int i = 0; i < plugged; i++) {
-        fathom_source_info info = {.struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
+        fathom_source_info info = {
+            .struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
         if (lists_usb(devices, count, &cameras[i])) continue;
         snprintf(info.name, sizeof info.name, "%s (%04x:%04x)", cameras[i].name, (unsigned)cameras[i].vendor,
                  (unsigned)cameras[i].product);
@@ -100,7 +101,8 @@ static int report_devices(fathom_source_found found, void *user) {
     openni2_device devices[MOST_DEVICES];
     const int count = list_devices(devices, MOST_DEVICES);
     for (int i = 0; i < count; i++) {
-        fathom_source_info info = {.struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
+        fathom_source_info info = {
+            .struct_size = sizeof info, .driver = "openni2", .kinds = FATHOM_SOURCE_DEPTH};
         snprintf(info.name, sizeof info.name, "%s", devices[i].name);
         info.error = probe(&devices[i], info.problem, sizeof info.problem);
         snprintf(info.uri, sizeof info.uri, "openni2:%.200s", devices[i].uri);
@@ -259,7 +261,7 @@ static bool is_file(const char *address) {
            (stat(address, &status) == 0 && S_ISREG(status.st_mode));
 }
 
-/* What to say when there is no such camera. */
+/* The error for a missing camera. */
 static int explain_absence(openni2_source *s, const char *address, int listed) {
     openni2_usb cameras[MOST_DEVICES];
     char why[256];
@@ -295,7 +297,8 @@ static int open_camera(openni2_source *s, const char *address) {
 
 static void find_camera(openni2_source *s) {
     const openni2_device *d = &s->device;
-    s->camera = camera_of_view(d->mode.resolutionX, d->mode.resolutionY, (double)d->fov[0], (double)d->fov[1]);
+    s->camera =
+        camera_of_view(d->mode.resolutionX, d->mode.resolutionY, (double)d->fov[0], (double)d->fov[1]);
     s->units_per_metre = d->mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM ? 10000 : 1000;
 }
 

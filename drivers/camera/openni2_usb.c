@@ -1,4 +1,4 @@
-/* Depth cameras on the USB, by sysfs: what is plugged in, and what keeps it from being opened. */
+/* Depth cameras on the USB, by sysfs: which are plugged in, and why they can't be opened. */
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>
@@ -33,7 +33,7 @@ static const struct {
     {0x045e, 0x02d8, "Kinect 2", KINECT2},
 };
 
-/* One number of a device in sysfs; -1: it isn't there. */
+/* One number of a device in sysfs; -1: missing. */
 static int read_number(const char *root, const char *path, const char *name, const char *format) {
     char file[512];
     int number = -1;

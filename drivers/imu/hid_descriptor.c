@@ -42,7 +42,7 @@ typedef struct {
     uint8_t report_id;
 } global_state;
 
-/* What is being parsed. Usages go to the descriptor's list right away; a main item takes those since local_from. */
+/* The parser's state. Usages go to the descriptor's list right away; a main item takes those since local_from. */
 typedef struct {
     hid_descriptor *out;
     global_state global, pushed[HID_MAX_PUSHES];
@@ -52,7 +52,7 @@ typedef struct {
     int local_from;
     bool page_open
         [HID_MAX_USAGES];  /* the usage was given without a page: the main item's page counts (6.2.2.8) */
-    bool has_min, has_max; /* a range waits for its other end */
+    bool has_min, has_max; /* a range lacks its other end */
     item_data usage_min, usage_max;
     bool any_field_unnumbered;
 } parser;
@@ -142,7 +142,7 @@ static void clear_locals(parser *p, bool keep) {
     p->has_min = p->has_max = false;
 }
 
-/* Usages that were given without a page get the one that holds at the main item. */
+/* Usages without a page get the one in force at the main item. */
 static void close_pages(parser *p) {
     for (int i = p->local_from; i < p->out->usage_count; i++) {
         if (!p->page_open[i]) continue;
@@ -304,7 +304,7 @@ bool hid_field_within(const hid_descriptor *descriptor, const hid_field *field, 
     return false;
 }
 
-/* Where an element begins, in bits of the whole report; false when it doesn't lie within. */
+/* The position of an element in the report, in bits; false when it lies outside. */
 static bool locate(const hid_descriptor *descriptor, const hid_field *field, uint32_t element, size_t length,
                    size_t *at) {
     if (element >= field->count || field->bits > 32) return false;

@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The kernel takes descriptors of up to 4096 bytes; the largest known devices stay far below the other numbers. */
+/* The kernel accepts descriptors of up to 4096 bytes; the largest known devices stay far below the other limits. */
 #define HID_MAX_DESCRIPTOR 4096
 #define HID_MAX_FIELDS 256
 #define HID_MAX_USAGES 1024
@@ -32,7 +32,7 @@ typedef struct {
     uint8_t type; /* 0 physical, 1 application, 2 logical, ... */
 } hid_collection;
 
-/* What one input, output or feature item lays out: count elements of bits bits, one after the other. */
+/* The fields of one input, output or feature item: `count` elements of `bits` bits, one after the other. */
 typedef struct {
     uint8_t kind;      /* hid_report_kind */
     uint8_t report_id; /* 0: the device doesn't number its reports */
@@ -57,21 +57,22 @@ typedef struct {
     int collection_count;
     bool numbered;                /* reports begin with their number */
     uint32_t report_bits[3][256]; /* by kind and number, without the number's byte */
-    const char *error;            /* what was wrong; NULL: nothing */
-    size_t error_at;              /* byte of the item that was */
+    const char *error;            /* the fault; NULL: none */
+    size_t error_at;              /* byte offset of the faulty item */
 } hid_descriptor;
 
-/* Returns false when the bytes aren't a descriptor that fits the numbers above; then error says what, and nothing else may
- * be used. Padding (fields without a usage) takes its room in reports and isn't listed. */
+/* Returns false when the bytes aren't a descriptor within the limits above; then error is set, and nothing else may be
+ * used. Padding (fields without a usage) takes space in reports and isn't listed. */
 bool hid_descriptor_parse(hid_descriptor *descriptor, const uint8_t *bytes, size_t length);
 
 /* Bytes of a report, with the number where reports are numbered; 0: there is no such report. */
 size_t hid_report_length(const hid_descriptor *descriptor, hid_report_kind kind, uint8_t report_id);
 
-/* The usage of an element: the item's own list, of which the last goes on (6.2.2.8). 0: none. */
+/* The usage of an element, from the item's list, whose last entry applies to all further elements (6.2.2.8). 0:
+ * none. */
 uint32_t hid_field_usage(const hid_descriptor *descriptor, const hid_field *field, uint32_t element);
 
-/* The place of a usage in a field's list (what an array field's value counts from its logical minimum); -1: not there. */
+/* The index of a usage in a field's list (an array field's value less its logical minimum); -1: not in it. */
 int hid_field_usage_index(const hid_descriptor *descriptor, const hid_field *field, uint32_t usage);
 
 /* Whether a field's collection, or one around it, has the usage. */

@@ -2,8 +2,8 @@
 
 #include "imu/hid_playstation.h"
 
-/* Nintendo's controllers: three samples a report, 5 ms apart, accelerometer first; nominal scales (the calibration is in a
- * flash memory that takes commands of its own to read). Only over Bluetooth: by cable they need a handshake first. */
+/* Nintendo's controllers: three samples per report, 5 ms apart, accelerometer first; nominal scales (the calibration is
+ * in a flash memory that needs special commands to read). Only over Bluetooth: by cable they need a handshake first. */
 static const hid_layout switch_full = {.report_id = 0x30,
                                        .length = 49,
                                        .gyro = 19,

@@ -33,7 +33,7 @@ bool hid_node_parse(hid_node *node, const char *uevent) {
     return true;
 }
 
-/* A file of /sys/class/hidraw/hidrawN/device; its length, 0: it isn't there. */
+/* A file of /sys/class/hidraw/hidrawN/device; its length, 0: missing. */
 static size_t read_file(const char *path, const char *file, void *out, size_t size) {
     char name[128];
     const char *base = strrchr(path, '/');

@@ -1,5 +1,5 @@
-/* The HID devices that the kernel has, by sysfs. hidapi's own list (0.13) crashes when a device goes while it is made, and
- * has no report descriptors. */
+/* The kernel's HID devices, from sysfs. hidapi's own list (0.13) crashes when a device is removed meanwhile, and has no
+ * report descriptors. */
 #ifndef FATHOM_HID_NODES_H
 #define FATHOM_HID_NODES_H
 
@@ -12,17 +12,17 @@ typedef struct {
     char path[32]; /* /dev/hidraw0 */
     uint16_t vendor, product;
     hid_bus bus;     /* HID_BUS_ANY: neither USB nor Bluetooth */
-    char name[96];   /* maker and model, as the device says */
+    char name[96];   /* maker and model, from the device */
     char serial[64]; /* over Bluetooth its address; "": none */
 } hid_node;
 
-/* Lists them, by number; returns how many there are. Asks for no permission. */
+/* Lists them, sorted by number; returns their number. Needs no permission. */
 int hid_nodes_list(hid_node nodes[HID_NODES]);
 
-/* Reads HID_ID, HID_NAME and HID_UNIQ of a uevent file's text; false: there is no HID_ID. */
+/* Reads HID_ID, HID_NAME and HID_UNIQ from a uevent file's text; false: no HID_ID. */
 bool hid_node_parse(hid_node *node, const char *uevent);
 
-/* False: it has gone, or its descriptor makes no sense. */
+/* False: it is gone, or its descriptor is invalid. */
 bool hid_node_descriptor(const hid_node *node, hid_descriptor *descriptor);
 
 #endif

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 /* Over Bluetooth reports carry two (DualShock 4) or one (DualSense) bytes more in front, and end in a CRC. A controller
- * sends short reports (number 0x01, without samples) there until its calibration has been asked for. */
+ * sends short reports (number 0x01, without samples) there until its calibration has been requested. */
 enum { INPUT_SEED = 0xA1, FEATURE_SEED = 0xA3 };
 
 const hid_layout dualshock4_usb = {.report_id = 0x01,
@@ -55,11 +55,11 @@ const hid_layout dualsense_bluetooth = {.report_id = 0x31,
                                         .sequence_bits = 8,
                                         .crc_seed = INPUT_SEED};
 
-/* Bytes 1 to 34 of the feature report are int16: three gyroscope biases; the gyroscope at + and - the test's speed, in an
- * order that differs; the two speeds in deg/s; the accelerometer at + and - 1 g for each axis.
+/* Bytes 1 to 34 of the feature report are int16: three gyroscope biases; the gyroscope at + and - the test's speed, in
+ * an order that differs; the two speeds in deg/s; the accelerometer at + and - 1 g for each axis.
  *
- * The gyroscope's bias belongs to the plus and minus readings (with it their size is taken) and isn't taken off samples:
- * the controller does that itself. */
+ * The gyroscope's bias applies to the plus and minus readings, to compute their magnitudes, and isn't subtracted from
+ * samples: the controller does that itself. */
 static bool calibrate(const uint8_t *report, const int plus[3], const int minus[3], imu_calibration *out) {
     const double speed = (double)little_i16(report + 19) + little_i16(report + 21);
     imu_calibration c = {0};
@@ -73,7 +73,7 @@ static bool calibrate(const uint8_t *report, const int plus[3], const int minus[
         c.gyro_scale[i] = speed / gyro_span * RADIANS_PER_DEGREE;
         c.accel_bias[i] = 0.5 * (accel_plus + accel_minus);
         c.accel_scale[i] = 2 * STANDARD_GRAVITY / accel_span;
-        /* Copies of these controllers answer with zeros or noise: then their nominal scales are the better guess. */
+        /* Copies of these controllers answer with zeros or noise: then nominal scales are used. */
         if (fabs(c.gyro_scale[i] / PLAYSTATION_GYRO_SCALE - 1) > 0.5) return false;
         if (fabs(c.accel_scale[i] / PLAYSTATION_ACCEL_SCALE - 1) > 0.5) return false;
         if (fabs(c.accel_bias[i] * c.accel_scale[i]) > 0.5 * STANDARD_GRAVITY) return false;

@@ -15,8 +15,8 @@ enum {
     FULL_POWER = 0x200851
 };
 
-/* Units as 6.2.2.7 packs them, and as the Sensors page lists them, which descriptors also hold. The HID system's length is
- * the centimetre. */
+/* Units as packed by 6.2.2.7, and as listed by the Sensors page, which descriptors use as well. The HID system's length
+ * is the centimetre. */
 static bool accel_unit(uint32_t unit, double *value) {
     switch (unit) {
     case 0:                                            /* the page's default */
@@ -134,7 +134,7 @@ static bool read_axes(const hid_sensor *sensor, const hid_sensor_axis axes[3], d
     return true;
 }
 
-/* One time for the report is the last sample's. */
+/* A single time in a report is the last sample's. */
 static bool read_times(hid_sensor *sensor, hid_sensor_report *r, const uint8_t *report, size_t length,
                        int64_t arrival_ns, imu_reading *out) {
     out->times = r->time.count < out->samples ? 1 : out->samples;

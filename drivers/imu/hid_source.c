@@ -1,5 +1,5 @@
-/* HID inertial sensors by hidapi (its hidraw flavour): devices of the table in hid_models.c, and any device of the HID Sensor
- * page. */
+/* HID inertial sensors by hidapi (its hidraw flavour): devices of the table in hid_models.c, and any device of the HID
+ * Sensor page. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -20,7 +20,7 @@
 #include "source_log.h"
 
 #define SENSOR_HUB "/sys/bus/hid/drivers/hid-sensor-hub"
-#define USUAL_INTERVAL_S 0.005 /* asked of HID sensors when options name no rate */
+#define USUAL_INTERVAL_S 0.005 /* requested from HID sensors when options have no rate */
 #define QUEUED_NS 200000       /* a read that comes back sooner may have found a report that had waited */
 
 /* hidapi's first use, opening and closing aren't safe on two threads. */
@@ -64,7 +64,7 @@ static void name_of(const hid_node *node, const hid_kind *kind, char *out, size_
         snprintf(out, size, "%s", *node->name ? node->name : "HID sensor");
 }
 
-/* Why a path can't be opened, in words as well. */
+/* The error code and text for a path that can't be opened. */
 static int try_access(const char *path, char *problem, size_t size) {
     const int file = open(path, O_RDWR | O_CLOEXEC | O_NONBLOCK);
     if (file >= 0) {
@@ -93,7 +93,7 @@ static int tell(const hid_node *node, const hid_kind *kind, fathom_source_found 
     return found(user, &info);
 }
 
-/* Sensors that the kernel's hub has taken have no hidraw node. */
+/* Sensors claimed by the kernel's hub have no hidraw node. */
 static int tell_hub(fathom_source_found found, void *user, int *devices) {
     DIR *folder = opendir(SENSOR_HUB);
     int stopped = 0;
@@ -103,7 +103,10 @@ static int tell_hub(fathom_source_found found, void *user, int *devices) {
         char node[300];
         snprintf(node, sizeof node, SENSOR_HUB "/%s/hidraw", entry->d_name);
         if (access(node, F_OK) == 0) continue;
-        fathom_source_info info = {.struct_size = sizeof info, .driver = "hid", .kinds = FATHOM_SOURCE_IMU, .error = FATHOM_ERROR_BUSY};
+        fathom_source_info info = {.struct_size = sizeof info,
+                                   .driver = "hid",
+                                   .kinds = FATHOM_SOURCE_IMU,
+                                   .error = FATHOM_ERROR_BUSY};
         snprintf(info.uri, sizeof info.uri, "hid:%04x:%04x", vendor, product);
         snprintf(info.name, sizeof info.name, "HID sensor %04x:%04x", vendor, product);
         snprintf(
@@ -166,7 +169,7 @@ static bool apply_signs(hid_source *s) {
     return true;
 }
 
-/* The device is open: what its samples mean. */
+/* Sets up the interpretation of an open device's samples. */
 static void prepare(hid_source *s, const hid_node *node, bool quiet) {
     const fathom_source_options *o = &s->base.base.options;
     char name[96];
@@ -176,7 +179,8 @@ static void prepare(hid_source *s, const hid_node *node, bool quiet) {
         const hid_model *model = s->kind.model;
         uint8_t report[128] = {model->calibration_id};
         int length = 0;
-        /* A virtual or a slow device may refuse at first; over Bluetooth asking also switches the reports to the long kind. */
+        /* A virtual or a slow device may refuse at first; over Bluetooth asking also switches the reports to the long
+         * kind. */
         for (int attempt = 0; model->calibration_id && attempt < 3 && length <= 0; attempt++) {
             memset(report, 0, sizeof report);
             report[0] = model->calibration_id;
@@ -211,7 +215,7 @@ static int open_node(hid_source *s, const hid_node *node, bool quiet) {
         return quiet ? FATHOM_ERROR_NO_DEVICE
                      : source_fail(o, FATHOM_ERROR_NO_DEVICE, "hid: %s can't be opened", node->path);
     prepare(s, node, quiet);
-    /* From now on it is this one, wherever it is plugged in again. */
+    /* From now on only this device is accepted, wherever it is plugged in again. */
     s->path[0] = 0;
     s->wanted.by_id = true;
     s->wanted.vendor = node->vendor;
@@ -289,7 +293,7 @@ static int begin(imu_source *base) {
     return FATHOM_OK;
 }
 
-/* Hands on what a report says; false: it made no sense. */
+/* Passes a report's readings on; false: it is invalid. */
 static bool take(hid_source *s, const uint8_t *report, size_t length, int64_t known_ns, int64_t arrival_ns) {
     imu_reading reading;
     if (s->kind.is_sensor) {
@@ -320,7 +324,7 @@ static int poll_device(imu_source *base) {
 
 static const imu_device device = {.open = find_and_open, .begin = begin, .poll = poll_device, .shut = shut};
 
-/* A path, or what address_usb takes. */
+/* A path, or an address for address_usb. */
 static bool parse_what(hid_source *s) {
     const char *what = s->address.what;
     if (*what != '/') return address_usb(&s->wanted, what);

@@ -50,7 +50,7 @@ bool iio_mount_matrix_parse(const char *text, double matrix[9]) {
             for (int i = 0; i < 3; i++) product += m[3 * row + i] * m[3 * other + i];
             if (!(fabs(product - (row == other)) < 0.02)) return false;
         }
-    /* Mirrors occur: drivers use them to turn signs. They are obeyed. */
+    /* Mirrors occur, where drivers change signs with them, and are applied. */
     if (!(fabs(fabs(determinant(m)) - 1) < 0.05)) return false;
     memcpy(matrix, m, sizeof m);
     return true;

@@ -1,4 +1,4 @@
-/* Linux IIO's buffers and attributes taken apart: what needs neither the kernel nor libiio. */
+/* Parsing of Linux IIO's buffers and attributes, independent of the kernel and libiio. */
 #ifndef FATHOM_IIO_CHANNELS_H
 #define FATHOM_IIO_CHANNELS_H
 
@@ -6,20 +6,20 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* How a channel's value is stored, as scan_elements/in_*_type says: [be|le]:[s|u]bits/storagebits[>>shift]. */
+/* How a channel's value is stored, from scan_elements/in_*_type: [be|le]:[s|u]bits/storagebits[>>shift]. */
 typedef struct {
     bool big_endian, is_signed;
     unsigned bits, storage_bits, shift;
 } iio_format;
 
-/* "le:s16/16>>0". False: another thing, repeated values, or sizes that make no sense. */
+/* "le:s16/16>>0". False: another format, repeated values, or invalid sizes. */
 bool iio_format_parse(const char *text, iio_format *format);
 
 /* The value in a scan. format must be one that iio_format_parse would accept. */
 int64_t iio_value(const iio_format *format, const uint8_t *bytes);
 
-/* "1, 0, 0; 0, 1, 0; 0, 0, 1", row by row: from the chip's axes to the board's. False: something else, or not a turn (then
- * *matrix is the identity). */
+/* "1, 0, 0; 0, 1, 0; 0, 0, 1", row by row: from the chip's axes to the board's. False: another format, or not a
+ * rotation (then *matrix is the identity). */
 bool iio_mount_matrix_parse(const char *text, double matrix[9]);
 
 /* matrix times vector, in place. */

@@ -1,5 +1,5 @@
-/* Inertial sensors that the kernel drives itself (I2C, SPI, HID sensors behind hid-sensor-hub), by IIO through libiio: buffered
- * capture with the kernel's time stamps. A gyroscope and an accelerometer may be one device or two. */
+/* Inertial sensors that the kernel drives itself (I2C, SPI, HID sensors behind hid-sensor-hub), by IIO through libiio:
+ * buffered capture with the kernel's time stamps. A gyroscope and an accelerometer may be one device or two. */
 #include <errno.h>
 #include <fcntl.h>
 #include <iio.h>
@@ -137,7 +137,7 @@ static bool fill_triple(iio_part *part, sensor_kind kind) {
     if (iio_channel_attr_read(t->axis[0], "mount_matrix", text, sizeof text) <= 0)
         iio_device_attr_read(part->device, "in_mount_matrix", text, sizeof text);
     iio_mount_matrix_parse(text, t->mount);
-    /* hid-sensor-accel-3d hands on what the HID sensor says, which is signed like gravity. */
+    /* hid-sensor-accel-3d passes on the HID sensor's values, which are signed like gravity. */
     t->inverted = kind == ACCEL && !strcmp(label(part->device), "accel_3d");
     return t->there = true;
 }
@@ -244,7 +244,7 @@ static void shut(imu_source *base) {
     s->part_count = 0;
 }
 
-/* The rate belongs to the device, or to its channels. Drivers take the nearest that they have, or refuse. */
+/* The rate belongs to the device, or to its channels. Drivers use their nearest one, or refuse. */
 static void set_rate(iio_part *part, double rate) {
     if (iio_device_attr_write_double(part->device, "sampling_frequency", rate) >= 0) return;
     for (int kind = 0; kind < 2; kind++)
@@ -258,7 +258,7 @@ static void set_rate(iio_part *part, double rate) {
 static void wake_at_each_sample(iio_part *part) {
     if (iio_device_buffer_attr_write(part->device, "enable", "0") < 0) return;
     if (iio_device_buffer_attr_write(part->device, "watermark", "1") < 0) {
-        /* an old kernel: samples come late, but with their stamps */
+        /* an old kernel: samples arrive late, but with correct stamps */
     }
     if (iio_device_buffer_attr_write(part->device, "enable", "1") < 0) {
         iio_buffer_destroy(part->buffer);

@@ -10,7 +10,7 @@ static imu_pair_value value_of(int64_t timestamp_ns, const double value[3]) {
     return (imu_pair_value){timestamp_ns, {(float)value[0], (float)value[1], (float)value[2]}};
 }
 
-/* The accelerometer at a time: between its two newest samples, or the newest held for a while. */
+/* The accelerometer at a time: interpolated between its two newest samples, or the newest held for a while. */
 static void accel_at(const imu_pair *p, int64_t t, float out[3]) {
     const imu_pair_value *a = &p->accel[0], *b = &p->accel[1];
     const bool between = p->accels == 2 && t >= a->timestamp_ns && t <= b->timestamp_ns &&
@@ -36,7 +36,7 @@ static void let_go(imu_pair *p) {
     p->sink(p->user, &sample);
 }
 
-/* Whether the oldest gyroscope sample has no reason to wait any longer. */
+/* Whether the oldest gyroscope sample needn't wait any longer. */
 static bool is_ripe(const imu_pair *p) {
     const int64_t oldest = p->gyro[p->first].timestamp_ns;
     const int64_t newest = p->gyro[(p->first + p->waiting - 1) % IMU_PAIR_WAITING].timestamp_ns;

@@ -1,5 +1,5 @@
-/* Gyroscope and accelerometer samples with stamps of their own, made one stream: a sample for each of the gyroscope's, with
- * the accelerometer interpolated to its stamp. No heap. */
+/* Merges gyroscope and accelerometer samples with separate stamps into one stream: a sample for each of the
+ * gyroscope's, with the accelerometer interpolated to its stamp. No heap. */
 #ifndef FATHOM_IMU_PAIR_H
 #define FATHOM_IMU_PAIR_H
 
@@ -27,8 +27,8 @@ typedef struct {
 
 void imu_pair_init(imu_pair *pair, imu_pair_sink sink, void *user);
 
-/* Each takes samples in the order of their stamps; false: this one doesn't come after the one before, and was dropped. The
- * sink gets samples in order. Where the accelerometer is silent, or before it has begun, they have NaN in its place. */
+/* Each takes samples in the order of their stamps; false: this one isn't later than its predecessor, and was dropped.
+ * The sink gets samples in order. Where the accelerometer is silent, or before its first sample, its values are NaN. */
 bool imu_pair_gyro(imu_pair *pair, int64_t timestamp_ns, const double value[3]);
 bool imu_pair_accel(imu_pair *pair, int64_t timestamp_ns, const double value[3]);
 

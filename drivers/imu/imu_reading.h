@@ -1,5 +1,5 @@
-/* What a report, packet or datagram of an inertial sensor says, whatever the device: the parsers make it, imu_stream takes
- * it. */
+/* The content of a report, packet or datagram of an inertial sensor, independent of the device: parsers fill it in,
+ * imu_stream takes it. */
 #ifndef FATHOM_IMU_READING_H
 #define FATHOM_IMU_READING_H
 
@@ -15,15 +15,15 @@
 typedef struct {
     bool has_gyro, has_accel;
     int samples;                  /* 1 to IMU_BATCH, oldest first */
-    int times;                    /* device_ns that hold: samples, 1 (the last sample's), or 0 */
-    int64_t period_ns;            /* between samples; 0: as far apart as reports are */
-    int64_t lost;                 /* samples that the device's own numbers show to be missing before these */
+    int times;                    /* number of valid device_ns: samples, 1 (the last sample's), or 0 */
+    int64_t period_ns;            /* between samples; 0: the distance of the reports */
+    int64_t lost;                 /* samples missing before these by the device's numbering */
     int64_t device_ns[IMU_BATCH]; /* the device's clock, wraps undone */
     double gyro[IMU_BATCH][3];    /* rad/s */
     double accel[IMU_BATCH][3];   /* m/s^2, specific force: +9.8 along up at rest */
 } imu_reading;
 
-/* A device's counter that wraps, made whole. All zero: nothing seen yet. */
+/* Extends a device's counter that wraps. All zero: no value yet. */
 typedef struct {
     bool known;
     uint64_t count;
@@ -31,10 +31,10 @@ typedef struct {
     int64_t seen_ns;
 } whole_counter;
 
-/* The next value of a counter of bits bits (1 to 63) that ticks every tick_ns. Of all counts that look like raw it is the
- * one nearest to what the host's clock expects, so that pauses longer than a wrap are counted, and a value repeated or late
- * doesn't become a wrap. arrival_ns: when the host got it; 0: unknown (it may have waited in a queue), then less than 7/8 of a
- * wrap forward, else back. Never below zero. */
+/* The next value of a counter of bits bits (1 to 63) that ticks every tick_ns. Of all counts that are congruent to raw
+ * it is the one nearest to the prediction by the host's clock, so that pauses longer than a wrap are counted, and a
+ * repeated or late value doesn't become a wrap. arrival_ns: time of arrival at the host; 0: unknown (it may have waited
+ * in a queue), then less than 7/8 of a wrap forward, else back. Never below zero. */
 uint64_t whole_counter_next(whole_counter *counter, uint64_t raw, int bits, double tick_ns,
                             int64_t arrival_ns);
 

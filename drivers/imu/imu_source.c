@@ -29,7 +29,7 @@ static int begin(imu_source *s) {
     return s->device->begin ? s->device->begin(s) : FATHOM_OK;
 }
 
-/* False: stopped before it came back. */
+/* False: stopped before the device was back. */
 static bool wait_for_device(imu_source *s) {
     for (;;) {
         if (!source_queue_sleep_until(&s->queue, monotonic_now_ns() + LOOK_AGAIN_NS)) return false;

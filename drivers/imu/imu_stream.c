@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#define BACK_LEAP_NS 50000000 /* a device stamp so much before the last is another clock's, not a late one */
+#define BACK_LEAP_NS 50000000 /* a device stamp earlier than the last by this is another clock's, not a late one */
 
 static void push(void *user, const fathom_imu_sample *sample) {
     imu_stream *s = user;
@@ -32,8 +32,8 @@ void imu_stream_restart(imu_stream *stream, bool accel_only) {
     imu_pair_init(&stream->pair, push, stream);
 }
 
-/* The device's stamp of each sample, from all of them or the last one. False: the last one doesn't come after the one of the
- * report before. */
+/* The device's stamp of each sample, from all stamps or the last one. False: the last one isn't later than the previous
+ * report's. */
 static bool device_stamps(const imu_reading *r, const imu_stream_last *last, int64_t stamps[IMU_BATCH]) {
     const int n = r->samples;
     for (int i = 0; i < n; i++) stamps[i] = r->device_ns[i];
@@ -47,7 +47,8 @@ static bool device_stamps(const imu_reading *r, const imu_stream_last *last, int
     return true;
 }
 
-/* Where each sample lies on the host's clock. One sensor's stamps teach the clock: two sensors' come in no order. */
+/* Each sample's stamp on the host's clock. Only one sensor's stamps update the clock map: those of two sensors aren't
+ * ordered. */
 static bool host_stamps(imu_stream *s, const imu_reading *r, imu_stream_last *last, int64_t arrival_ns,
                         int64_t stamps[IMU_BATCH]) {
     const int n = r->samples;
@@ -69,7 +70,7 @@ static bool host_stamps(imu_stream *s, const imu_reading *r, imu_stream_last *la
     return true;
 }
 
-/* False: not after the sensor's last one. */
+/* False: not later than the sensor's last one. */
 static bool take_one(imu_stream *s, const imu_reading *r, int i, int64_t stamp_ns) {
     if (r->has_gyro && !r->has_accel) return imu_pair_gyro(&s->pair, stamp_ns, r->gyro[i]);
     if (!r->has_gyro && !s->accel_only) return imu_pair_accel(&s->pair, stamp_ns, r->accel[i]);

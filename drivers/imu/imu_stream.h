@@ -1,5 +1,5 @@
-/* From what a device says (imu_reading) to samples on the host's clock in the source's queue: stamps, batches spread, gyro
- * and accelerometer paired. */
+/* Converts readings of a device (imu_reading) to samples on the host's clock in the source's queue: stamps them,
+ * spreads batches, pairs gyroscope and accelerometer. */
 #ifndef FATHOM_IMU_STREAM_H
 #define FATHOM_IMU_STREAM_H
 
@@ -14,11 +14,11 @@ typedef struct {
 
 typedef struct {
     source_queue *queue;
-    bool accel_only; /* there is no gyroscope: its place holds NaN */
+    bool accel_only; /* no gyroscope: its values are NaN */
     imu_pair pair;
     imu_stream_last gyro, accel, both;
     int64_t pushed_ns;
-    pthread_mutex_t lock; /* of the clock: its status is asked by other threads */
+    pthread_mutex_t lock; /* of the clock, whose status other threads read */
     clock_map clock;
     bool timed;
 } imu_stream;
@@ -26,11 +26,11 @@ typedef struct {
 void imu_stream_init(imu_stream *stream, source_queue *queue);
 void imu_stream_free(imu_stream *stream);
 
-/* The device is another, or was away: nothing that is known of its clock holds. */
+/* To be called for another device, or one that was gone: forgets its clock. */
 void imu_stream_restart(imu_stream *stream, bool accel_only);
 
-/* arrival_ns: CLOCK_MONOTONIC, when the host had the report. A sample whose stamp doesn't come after its sensor's last one
- * is counted as malformed and dropped. Samples without a stamp of the device's are stamped by their arrival. */
+/* arrival_ns: CLOCK_MONOTONIC, when the host had the report. A sample whose stamp isn't later than its sensor's last
+ * one is counted as malformed and dropped. Samples without a stamp of the device's are stamped by their arrival. */
 void imu_stream_take(imu_stream *stream, const imu_reading *reading, int64_t arrival_ns);
 
 /* Sets clock_offset_s and clock_drift_ppm. Any thread. */

@@ -1,5 +1,5 @@
-/* The accelerometer of Microsoft's first Kinect (for the Xbox 360), which sits in its motor device: no gyroscope, so it serves
- * for levelling, not for a scan. */
+/* The accelerometer of Microsoft's first Kinect (for the Xbox 360), which is part of its motor device: without a
+ * gyroscope it serves for levelling, not for a scan. */
 #ifndef FATHOM_KINECT_MOTOR_H
 #define FATHOM_KINECT_MOTOR_H
 
@@ -15,7 +15,7 @@ enum {
     KINECT_MOTOR_COUNTS_PER_G = 819
 };
 
-/* Takes the answer apart; false: too short, or beyond the sensor's range (2 g). y points up out of the Kinect. */
+/* Parses the answer; false: too short, or beyond the sensor's range (2 g). y points up out of the Kinect. */
 bool kinect_motor_read(const uint8_t *bytes, size_t length, imu_reading *reading);
 
 #endif

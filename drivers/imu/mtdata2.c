@@ -24,7 +24,7 @@ static void drop(xbus_parser *p) {
     p->skipped += (int64_t)next;
 }
 
-/* 1: a whole message lies at the front; 0: bytes are missing; -1: this is none. */
+/* 1: a complete message is at the front; 0: bytes are missing; -1: no message. */
 static int look(const xbus_parser *p) {
     const uint8_t *b = p->bytes;
     if (p->have >= 1 && b[0] != PREAMBLE) return -1;
@@ -41,7 +41,7 @@ static int look(const xbus_parser *p) {
 size_t xbus_take(xbus_parser *p, const uint8_t *bytes, size_t length, xbus_message *message, bool *whole) {
     size_t taken = 0;
     *whole = false;
-    /* The message that was given last is still at the front. */
+    /* The message returned last is still at the front. */
     if (p->have > 0 && look(p) > 0) {
         const size_t size = header_length(p->bytes) + data_length(p->bytes) + 1;
         p->have -= size;
@@ -157,7 +157,7 @@ static bool take_item(contents *c, unsigned id, const uint8_t *data, size_t leng
     case DELTA_V: return c->delta_v = numbers(format, data, length, 3, c->v);
     case DELTA_Q: return c->delta_q = numbers(format, data, length, 4, c->q);
     }
-    return true; /* orientation, magnetic field, status: not for us */
+    return true; /* orientation, magnetic field, status: not used */
 }
 
 static bool take_items(contents *c, const uint8_t *data, size_t length) {
@@ -206,7 +206,7 @@ mtdata2_result mtdata2_read(mtdata2_state *state, const uint8_t *data, size_t le
         reading->device_ns[0] = now_ns;
         reading->times = 1;
     }
-    /* Deltas are means over the time since the message before, and so belong to its middle. */
+    /* Deltas are means over the time since the previous message, so their stamp is its middle. */
     const bool deltas = seconds > 0 && seconds < 1;
     bool middle = false;
     if (!c.rate && c.delta_q && deltas) middle = c.rate = rate_of(c.q, seconds, c.gyro);

@@ -1,4 +1,4 @@
-/* Xsens/Movella's binary protocol ("Xbus", MT Low Level Communication Protocol): messages out of a byte stream, and the
+/* Xsens/Movella's binary protocol ("Xbus", MT Low Level Communication Protocol): messages in a byte stream, and the
  * inertial data in MTData2 messages. No heap. */
 #ifndef FATHOM_MTDATA2_H
 #define FATHOM_MTDATA2_H
@@ -28,15 +28,15 @@ typedef struct {
     size_t length;
 } xbus_message;
 
-/* Takes bytes until a message is whole: returns how many were taken; *whole says whether there is one. Call again with the
- * rest. After a message with a wrong checksum the search goes on right behind its first byte. */
+/* Takes bytes until a message is complete: returns the number of bytes taken; *whole: a message is complete. Call again
+ * with the rest. After a message with a wrong checksum the search continues right behind its first byte. */
 size_t xbus_take(xbus_parser *parser, const uint8_t *bytes, size_t length, xbus_message *message,
                  bool *whole);
 
 /* Builds a message; returns its length, 0 when it doesn't fit. */
 size_t xbus_build(uint8_t *out, size_t capacity, uint8_t id, const uint8_t *data, size_t length);
 
-/* What is carried from one MTData2 message to the next. All zero at start. */
+/* State between MTData2 messages. All zero at start. */
 typedef struct {
     whole_counter clock; /* SampleTimeFine, 0.1 ms */
     bool counting;
@@ -47,9 +47,9 @@ typedef struct {
 
 typedef enum { MTDATA2_READING, MTDATA2_OTHER, MTDATA2_MALFORMED } mtdata2_result;
 
-/* Takes an MTData2 message's data apart: rate of turn and acceleration (or the high-rate ones), else delta q and delta v over
- * the time since the message before; sample time, packet counter. Float32, float64, fixed-point 12.20 and 16.32. OTHER: no
- * rates or accelerations in it, or deltas without a time. */
+/* Parses an MTData2 message's data: rate of turn and acceleration (or the high-rate ones), else delta q and delta v
+ * over the time since the previous message; sample time, packet counter. Float32, float64, fixed-point 12.20 and 16.32.
+ * OTHER: it has no rates or accelerations, or deltas without a time. */
 mtdata2_result mtdata2_read(mtdata2_state *state, const uint8_t *data, size_t length, int64_t arrival_ns,
                             imu_reading *reading);
 

@@ -68,7 +68,7 @@ static udp_line_result parse_csv(const char *at, udp_line *line) {
 
 #define MOST_DEPTH 16
 
-/* A string; key gets what fits of it, escapes left as they are. */
+/* A string; key gets it, truncated, with escapes unchanged. */
 static bool string(const char **at, char *key, size_t size) {
     if (**at != '"') return false;
     size_t n = 0;

@@ -21,22 +21,22 @@
 
 #define USUAL_PORT "5555"
 #define MOST_BYTES 8192       /* of a datagram */
-#define MOST_AT_ONCE 256      /* datagrams a poll takes: it must come back to see a stop */
-#define ANOTHER_NS 2000000000 /* a sender silent for so long may be replaced by another one */
+#define MOST_AT_ONCE 256      /* maximum datagrams per poll, which must return to notice a stop */
+#define ANOTHER_NS 2000000000 /* a sender silent for this time may be replaced by another one */
 #define BUFFER_BYTES (1 << 20)
 
 typedef struct {
     imu_source base;
     source_address address;
     udp_format format;
-    double time_unit, gyro_unit, accel_unit; /* seconds, rad/s and m/s^2 of what is sent */
+    double time_unit, gyro_unit, accel_unit; /* seconds, rad/s and m/s^2 per unit of the sent values */
     struct sockaddr_storage wanted;          /* family 0: any sender */
     int socket;
     struct sockaddr_storage sender; /* family 0: none yet */
     int64_t heard_ns;
     bool counting;
     int64_t count;
-    uint32_t overflows; /* datagrams that the kernel dropped, as it counts */
+    uint32_t overflows; /* the kernel's count of dropped datagrams */
 } udp_source;
 
 /* ---- settings ---- */
@@ -82,7 +82,7 @@ static bool read_settings(udp_source *s) {
     return true;
 }
 
-/* A numeric address, with a port if there is one; false: it is none. */
+/* A numeric address, with an optional port; false: invalid. */
 static bool resolve(const char *host, const char *port, struct sockaddr_storage *out, socklen_t *length) {
     const struct addrinfo hints = {.ai_socktype = SOCK_DGRAM, .ai_flags = AI_NUMERICHOST | AI_NUMERICSERV};
     struct addrinfo *found;
@@ -162,7 +162,7 @@ static int begin(imu_source *base) {
     s->counting = false;
     char old[1];
     while (recv(s->socket, old, sizeof old, MSG_DONTWAIT | MSG_TRUNC) >=
-           0) { /* sent before anybody listened */
+           0) { /* sent before the source was started */
     }
     return FATHOM_OK;
 }
@@ -183,7 +183,7 @@ static uint16_t port_of(const struct sockaddr_storage *a) {
                                    : ((const struct sockaddr_in6 *)a)->sin6_port;
 }
 
-/* One phone at a time: its clock is tracked. Another may take its place when it has gone silent. */
+/* One phone at a time: its clock is tracked. Another may replace it when it is silent. */
 static bool admit(udp_source *s, const struct sockaddr_storage *from, int64_t now_ns) {
     if (s->wanted.ss_family && !same_host(&s->wanted, from)) return false;
     const bool same =
@@ -275,7 +275,7 @@ static int poll_socket(imu_source *base) {
 
 static const imu_device device = {.open = open_socket, .begin = begin, .poll = poll_socket, .shut = shut};
 
-/* A phone isn't seen before it sends; what it takes is an address of this machine. */
+/* A phone is unknown before it sends; it needs an address of this machine. */
 static int udp_enumerate(fathom_source_found found, void *user, fathom_log log, void *log_user) {
     (void)log;
     (void)log_user;

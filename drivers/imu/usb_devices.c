@@ -1,4 +1,4 @@
-/* The USB inertial sensors that are plugged in, and what libusb says about them. */
+/* The USB inertial sensors that are plugged in, and libusb's errors about them. */
 #include <stdio.h>
 #include <string.h>
 
@@ -26,7 +26,7 @@ const char *usb_kind_name(usb_kind kind) {
     return kind == USB_KINECT_MOTOR ? "Microsoft Kinect 360 accelerometer" : "Xsens MTi";
 }
 
-/* libusb's errors in ours; problem says it in words. */
+/* Translates libusb's errors; problem gets a description. */
 int usb_translate(int error, const char *place, char *problem, size_t size) {
     switch (error) {
     case LIBUSB_SUCCESS: *problem = 0; return FATHOM_OK;

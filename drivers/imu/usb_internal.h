@@ -1,4 +1,4 @@
-/* What the parts of the USB driver share. */
+/* Shared by the parts of the USB driver. */
 #ifndef FATHOM_USB_INTERNAL_H
 #define FATHOM_USB_INTERNAL_H
 
@@ -17,7 +17,7 @@ typedef enum { USB_KINECT_MOTOR, USB_MTI } usb_kind;
 
 struct usb_source;
 
-/* A transfer under way, or not. */
+/* A transfer, pending or not. */
 typedef struct {
     struct usb_source *source;
     struct libusb_transfer *transfer;
@@ -56,11 +56,12 @@ const char *usb_kind_name(usb_kind kind);
 /* "/dev/bus/usb/001/002" */
 void usb_place(libusb_device *device, char *out, size_t size);
 
-/* libusb's errors in ours; problem says it in words, with the fix. */
+/* Translates libusb's errors; problem gets a description, with the fix. */
 int usb_translate(int error, const char *place, char *problem, size_t size);
 
 /* "" where there is none. */
-void usb_serial(libusb_device_handle *handle, const struct libusb_device_descriptor *descriptor, char *out, int size);
+void usb_serial(libusb_device_handle *handle, const struct libusb_device_descriptor *descriptor, char *out,
+                int size);
 
 /* The driver's enumerate. */
 int usb_enumerate(fathom_source_found found, void *user, fathom_log log, void *log_user);
@@ -76,7 +77,7 @@ int usb_submit(usb_slot *slot);
 /* libusb's callback of every transfer. */
 void LIBUSB_CALL usb_done(struct libusb_transfer *transfer);
 
-/* Returns when every transfer has come back: before that its memory may not go. */
+/* Returns when every transfer has completed: until then its memory is in use. */
 void usb_cancel_all(usb_source *source);
 
 #endif

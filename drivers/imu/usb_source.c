@@ -1,5 +1,5 @@
-/* USB inertial sensors by libusb: the Kinect 360's accelerometer (control transfers to its motor device) and Xsens/Movella MTi
- * (bulk transfers). Transfers are asynchronous; the source's thread handles their events. */
+/* USB inertial sensors by libusb: the Kinect 360's accelerometer (control transfers to its motor device) and
+ * Xsens/Movella MTi (bulk transfers). Transfers are asynchronous; the source's thread handles their events. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -41,7 +41,7 @@ static void close_device(usb_source *s) {
     s->interface = -1;
 }
 
-/* Opens the device and claims what is needed of it; problem says what went wrong. On an error it isn't open. */
+/* Opens the device and claims its interface; on an error problem has the reason, and it isn't open. */
 static int try_device(usb_source *s, libusb_device *device, const struct libusb_device_descriptor *d,
                       char serial[64], char *problem, size_t size) {
     char place[64];
@@ -80,7 +80,7 @@ static int open_device(usb_source *s, libusb_device *device, const struct libusb
         if (*problem && !quiet) source_fail(o, result, "usb: %s", problem);
         return result;
     }
-    /* From now on it is this one, wherever it is plugged in again. */
+    /* From now on only this device is accepted, wherever it is plugged in again. */
     s->wanted.by_id = true;
     s->wanted.vendor = d->idVendor;
     s->wanted.product = d->idProduct;
@@ -96,7 +96,7 @@ static int find_and_open(imu_source *base, bool quiet) {
     usb_source *s = (usb_source *)base;
     const fathom_source_options *o = &base->base.options;
     libusb_device **list;
-    /* A context of its own each time: without udev, one that is older than a device never sees it. */
+    /* A new context each time: without udev, a context never sees devices newer than itself. */
     int error = libusb_init(&s->context);
     if (error) {
         s->context = NULL;
@@ -132,7 +132,7 @@ static int send_message(usb_source *s, uint8_t id, const uint8_t *data, size_t l
     return error ? error : sent == (int)size ? 0 : LIBUSB_ERROR_IO;
 }
 
-/* Asks for what is needed at one rate; the device keeps that for good. */
+/* Requests the needed data at one rate; the device stores that permanently. */
 static int configure(usb_source *s) {
     const double wanted = s->base.base.options.rate_hz > 0 ? s->base.base.options.rate_hz : 100;
     const uint16_t rate = (uint16_t)(wanted > 2000 ? 2000 : wanted);
@@ -155,8 +155,8 @@ static int begin(imu_source *base) {
     if (result || s->kind == USB_KINECT_MOTOR) return result;
     for (int i = 0; i < s->slot_count; i++) {
         usb_slot *slot = &s->slots[i];
-        libusb_fill_bulk_transfer(slot->transfer, s->handle, s->bulk_in, slot->bytes, USB_TRANSFER_BYTES, usb_done,
-                                  slot, 0);
+        libusb_fill_bulk_transfer(slot->transfer, s->handle, s->bulk_in, slot->bytes, USB_TRANSFER_BYTES,
+                                  usb_done, slot, 0);
         if (usb_submit(slot)) {
             usb_cancel_all(s);
             return source_fail(o, s->gone ? FATHOM_ERROR_UNPLUGGED : FATHOM_ERROR_PROTOCOL,
@@ -173,7 +173,7 @@ static int begin(imu_source *base) {
 
 /* ---- polling ---- */
 
-/* Asks the motor device once a period; returns the milliseconds until something is to be done. */
+/* Requests data of the motor device once per period; returns the milliseconds until the next action. */
 static int ask_motor(usb_source *s) {
     usb_slot *slot = &s->slots[0];
     const int64_t now_ns = monotonic_now_ns();
@@ -218,7 +218,7 @@ static void end(imu_source *base) {
 static void shut(imu_source *base) {
     usb_source *s = (usb_source *)base;
     if (s->context && s->handle) usb_cancel_all(s);
-    for (int i = 0; i < USB_TRANSFERS; i++) { /* they hold on to the device, and so to the context */
+    for (int i = 0; i < USB_TRANSFERS; i++) { /* they reference the device, and so the context */
         libusb_free_transfer(s->slots[i].transfer);
         s->slots[i].transfer = NULL;
     }

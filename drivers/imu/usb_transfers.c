@@ -1,4 +1,4 @@
-/* Asynchronous transfers of the USB driver, and what is in them. */
+/* Asynchronous transfers of the USB driver, and their content. */
 #include "imu/kinect_motor.h"
 #include "imu/usb_internal.h"
 #include "monotonic.h"
@@ -72,7 +72,7 @@ void LIBUSB_CALL usb_done(struct libusb_transfer *transfer) {
     case LIBUSB_TRANSFER_NO_DEVICE: s->gone = true; break;
     case LIBUSB_TRANSFER_STALL: s->halted = true;                                   /* fall through */
     case LIBUSB_TRANSFER_OVERFLOW: source_queue_count_malformed(&s->base.queue, 1); /* fall through */
-    case LIBUSB_TRANSFER_ERROR: /* some host controllers say so when a device goes */
+    case LIBUSB_TRANSFER_ERROR: /* some host controllers report this when a device is unplugged */
         if (++s->errors >= USB_MOST_ERRORS) s->gone = true;
         break;
     case LIBUSB_TRANSFER_TIMED_OUT:
@@ -99,7 +99,7 @@ static bool any_pending(const usb_source *s) {
     return false;
 }
 
-/* Every transfer has to come back before its memory may go. */
+/* Every transfer must complete before its memory is freed. */
 void usb_cancel_all(usb_source *s) {
     struct timeval slice = {.tv_usec = 10000};
     s->stopping = true;

@@ -30,7 +30,7 @@ static bool make_all(const char *folder, char *why, size_t size) {
     for (char *slash = path + 1; *slash; slash++) {
         if (*slash != '/') continue;
         *slash = 0;
-        mkdir(path, 0777); /* what is wrong shows at the last one */
+        mkdir(path, 0777); /* a failure shows at the last one */
         *slash = '/';
     }
     struct stat is;
@@ -41,7 +41,7 @@ static bool make_all(const char *folder, char *why, size_t size) {
 
 static bool is_empty(const char *folder) {
     DIR *directory = opendir(folder);
-    if (!directory) return true; /* can't be read: writing will say why */
+    if (!directory) return true; /* can't be read: writing will report the reason */
     bool empty = true;
     for (struct dirent *entry; empty && (entry = readdir(directory));)
         empty = !strcmp(entry->d_name, ".") || !strcmp(entry->d_name, "..");
@@ -49,8 +49,8 @@ static bool is_empty(const char *folder) {
     return empty;
 }
 
-/* Frames of a former recording are named by their stamps, with six or nine decimals and perhaps a sign. Halves of them count
- * as well. */
+/* Frames of a previous recording are named by their stamps, with six or nine decimals and perhaps a sign. Halves of
+ * them count as well. */
 static bool is_frame(const char *name) {
     if (*name == '-') name++;
     const size_t digits = strspn(name, "0123456789");

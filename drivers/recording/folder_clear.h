@@ -5,11 +5,11 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Makes the folder (and those above it) and clears it of a former recording, of which it removes nothing but its own files.
- * One that isn't empty is refused unless `force`. False with one line in `why`. */
+/* Creates the folder (and those above it) and removes the files of a previous recording from it, and only those.
+ * Refuses a folder that isn't empty unless `force`. False with one line in `why`. */
 bool folder_clear(const char *folder, bool force, char *why, size_t size);
 
-/* Makes folder/name where it isn't there. False with errno. */
+/* Creates folder/name if necessary. False with errno. */
 bool folder_make(const char *folder, const char *name);
 
 #endif

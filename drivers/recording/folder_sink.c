@@ -1,5 +1,5 @@
-/* A recording folder that grows as it is written, and is whole at any moment: what depth.txt, rgb.txt or groundtruth.txt name
- * is there, and each file ends with a line's end. The counterpart of recording.c. */
+/* A recording folder that grows as it is written, and is complete at any moment: all that depth.txt, rgb.txt or
+ * groundtruth.txt name exists, and each file ends with a whole line. The counterpart of recording.c. */
 #include <errno.h>
 #include <inttypes.h>
 #include <limits.h>
@@ -22,7 +22,7 @@ typedef struct {
     struct line_file imu;                  /* the sample thread's */
     int64_t imu_head;                      /* lines of imu.txt that are no samples */
     int64_t pictures;                      /* bytes of PNG files */
-    bool incomplete;                       /* the log was told that samples lack something */
+    bool incomplete;                       /* the log has the message about samples without a sensor */
 } folder_sink;
 
 static folder_sink *of(fathom_sink *sink) {
@@ -50,7 +50,7 @@ static const char *stamp_text(char text[32], int64_t ns, int digits) {
 
 /* ---- text files ---- */
 
-/* The options' header, each line of it a comment, and what the columns are. */
+/* The options' header, each line of it a comment, and the names of the columns. */
 static bool add_head(folder_sink *s, struct line_file *file, const char *columns) {
     for (const char *line = s->header; line && *line;) {
         const int length = (int)strcspn(line, "\r\n");
@@ -60,7 +60,7 @@ static bool add_head(folder_sink *s, struct line_file *file, const char *columns
     return line_file_add(file, "# %s\n", columns);
 }
 
-/* Opens a file with its head where it isn't open yet. */
+/* Opens a file, unless it is open, and writes its head. */
 static int need(folder_sink *s, struct line_file *file, const char *name, const char *columns) {
     char path[PATH_MAX];
     if (file->is_open) return FATHOM_OK;
@@ -100,7 +100,7 @@ static FILE *create(folder_sink *s, const char *name) {
     return file;
 }
 
-/* A file is good when all of it went out; a full disk may show only here. */
+/* Closes a file; a full disk may show only here. */
 static int finish(folder_sink *s, FILE *file, const char *name) {
     errno = 0;
     const bool bad = fflush(file) || ferror(file);
@@ -111,7 +111,8 @@ static int finish(folder_sink *s, FILE *file, const char *name) {
 
 /* The coefficients only where there is distortion. */
 static int write_calibration(folder_sink *s, const fathom_pinhole *camera) {
-    const int coefficients[] = {[FATHOM_LENS_PINHOLE] = 0, [FATHOM_LENS_FIVE] = 5, [FATHOM_LENS_RATIONAL] = 8};
+    const int coefficients[] = {
+        [FATHOM_LENS_PINHOLE] = 0, [FATHOM_LENS_FIVE] = 5, [FATHOM_LENS_RATIONAL] = 8};
     if (camera->lens < FATHOM_LENS_PINHOLE || camera->lens > FATHOM_LENS_RATIONAL)
         return sink_fail(&s->base, FATHOM_ERROR_ARGUMENT, "%.900s: lens %d", s->folder, camera->lens);
     FILE *file = create(s, "calibration.txt");
@@ -122,7 +123,7 @@ static int write_calibration(folder_sink *s, const fathom_pinhole *camera) {
     return finish(s, file, "calibration.txt");
 }
 
-/* The lines of another folder's file, for those that don't begin with `without`; one that isn't there has none. */
+/* Copies the lines of another folder's file that don't begin with `without`; a missing file has none. */
 static int each_line(folder_sink *s, const char *folder, const char *name, const char *without,
                      bool (*take)(void *user, const char *line), void *user) {
     char path[PATH_MAX];
@@ -140,7 +141,8 @@ static int each_line(folder_sink *s, const char *folder, const char *name, const
     const bool bad = ferror(in) != 0;
     free(line);
     fclose(in);
-    return bad ? sink_fail(&s->base, FATHOM_ERROR_NO_DATA, "%.900s/%s: can't be read", folder, name) : FATHOM_OK;
+    return bad ? sink_fail(&s->base, FATHOM_ERROR_NO_DATA, "%.900s/%s: can't be read", folder, name)
+               : FATHOM_OK;
 }
 
 static bool put_line(void *user, const char *line) {
@@ -169,8 +171,9 @@ static int write_rig(fathom_sink *sink, const fathom_sink_rig *rig) {
 
 /* ---- frames ---- */
 
-/* A line that names what has just been written. */
-static int name_it(folder_sink *s, struct line_file *file, const char *list, int64_t stamp_ns, const char *name) {
+/* Adds a line that names the file just written. */
+static int name_it(folder_sink *s, struct line_file *file, const char *list, int64_t stamp_ns,
+                   const char *name) {
     char stamp[32], path[PATH_MAX];
     struct stat is;
     if (!line_file_add(file, "%s %s\n", stamp_text(stamp, stamp_ns, 1), name) || !line_file_flush(file))
@@ -200,7 +203,8 @@ static int write_image(fathom_sink *sink, const fathom_image *image) {
     folder_sink *s = of(sink);
     char stamp[32], name[48], path[PATH_MAX], why[1024];
     if (image->format != FATHOM_IMAGE_RGB8)
-        return sink_fail(sink, FATHOM_ERROR_UNSUPPORTED, "%.900s: images are written from RGB8 only", s->folder);
+        return sink_fail(sink, FATHOM_ERROR_UNSUPPORTED, "%.900s: images are written from RGB8 only",
+                         s->folder);
     if (!s->images.is_open && !folder_make(s->folder, "rgb")) return fail_file(s, "rgb", errno);
     int result = need(s, &s->images, "rgb.txt", "t[s] file");
     if (result) return result;
@@ -224,8 +228,8 @@ static int write_pose(fathom_sink *sink, int64_t timestamp_ns, const fathom_pose
     const int result =
         need(s, &s->poses, "groundtruth.txt", "t[s] tx ty tz qx qy qz qw, camera to world");
     if (result) return result;
-    if (!line_file_add(&s->poses, "%s %.9f %.9f %.9f %.10f %.10f %.10f %.10f\n", stamp_text(stamp, timestamp_ns, 1),
-                       p[0], p[1], p[2], q[0], q[1], q[2], q[3]) ||
+    if (!line_file_add(&s->poses, "%s %.9f %.9f %.9f %.10f %.10f %.10f %.10f\n",
+                       stamp_text(stamp, timestamp_ns, 1), p[0], p[1], p[2], q[0], q[1], q[2], q[3]) ||
         !line_file_flush(&s->poses))
         return fail_file(s, "groundtruth.txt", s->poses.error);
     count_frame(s, &sink->status.poses, timestamp_ns);
@@ -242,7 +246,7 @@ static bool is_complete(const fathom_imu_sample *sample) {
     return true;
 }
 
-/* Nine digits give a float back as it was. */
+/* Nine digits restore a float exactly. */
 static bool add_sample(folder_sink *s, const fathom_imu_sample *sample) {
     char stamp[32];
     const float *g = sample->gyro, *a = sample->accel;
@@ -251,8 +255,9 @@ static bool add_sample(folder_sink *s, const fathom_imu_sample *sample) {
                    "the IMU gives no rates or no accelerations: a replay will leave such samples out");
         s->incomplete = true;
     }
-    return line_file_add(&s->imu, "%s %.9g %.9g %.9g %.9g %.9g %.9g\n", stamp_text(stamp, sample->timestamp_ns, 1),
-                         (double)g[0], (double)g[1], (double)g[2], (double)a[0], (double)a[1], (double)a[2]);
+    return line_file_add(&s->imu, "%s %.9g %.9g %.9g %.9g %.9g %.9g\n",
+                         stamp_text(stamp, sample->timestamp_ns, 1), (double)g[0], (double)g[1], (double)g[2],
+                         (double)a[0], (double)a[1], (double)a[2]);
 }
 
 static int write_imu(fathom_sink *sink, const fathom_imu_sample *samples, int number) {

@@ -1,6 +1,5 @@
-/* A recording folder that takes the place of a depth camera and an inertial sensor. A thread feeds the queue: at
- * the pace of the stamps, where what isn't read in time is dropped as a device's would be, or, with speed 0, at
- * the reader's own pace, where nothing is dropped. */
+/* A recording folder in place of a depth camera and an inertial sensor. A thread feeds the queue: at the pace of the
+ * stamps, dropping unread data as a device would, or, with speed 0, at the reader's pace, without dropping. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -9,14 +8,14 @@
 #include "source_log.h"
 #include "source_queue.h"
 
-#define LEAD_IN_NS INT64_C(10000000000) /* samples from longer before the first frame are left out */
+#define LEAD_IN_NS INT64_C(10000000000) /* maximum time of samples before the first frame; earlier ones are left out */
 
 typedef struct {
     fathom_source base;
     fathom_recording *recording;
     source_queue queue;
     pthread_t thread;
-    bool opened;   /* what goes wrong from now on concerns a frame, not the source */
+    bool opened;   /* errors from now on concern a frame, not the source */
     unsigned kinds;
     int64_t zero_ns, start_ns; /* the recording's first event, of either kind, and when it was played */
 } folder_source;
@@ -27,14 +26,14 @@ static int64_t imu_ns(const folder_source *s, int i) {
     return s->recording->imu[i].timestamp_ns + s->recording->imu_clock_offset_ns;
 }
 
-/* Waits until what happened at `stamp` is due and can be taken; false: to stop. */
+/* Waits until the event at `stamp` is due and there is room for it; false: to stop. */
 static bool wait_for(folder_source *s, int64_t stamp_ns, bool for_frame) {
     if (s->base.options.speed == 0) return source_queue_wait_for_room(&s->queue, for_frame);
     const double passed_ns = (double)(stamp_ns - s->zero_ns) / s->base.options.speed;
     return source_queue_sleep_until(&s->queue, s->start_ns + (int64_t)passed_ns);
 }
 
-/* Samples up to a stamp, and one beyond it, so that the motion can be known there. */
+/* Pushes samples up to a stamp, and one beyond it, so that the motion at it is known. */
 static bool feed_samples(folder_source *s, int *next, int64_t until_ns) {
     const fathom_recording *r = s->recording;
     if (!(s->kinds & FATHOM_SOURCE_IMU)) return true;
@@ -45,7 +44,7 @@ static bool feed_samples(folder_source *s, int *next, int64_t until_ns) {
     return true;
 }
 
-/* At a pace, the frame is decoded before it is due. */
+/* When paced, the frame is decoded before it is due. */
 static bool feed_frame(folder_source *s, int index, int *next) {
     const fathom_recording *r = s->recording;
     const int64_t stamp_ns = r->frames[index].timestamp_ns;
@@ -132,7 +131,7 @@ static int folder_status(fathom_source *source, fathom_source_status *status) {
     return FATHOM_OK;
 }
 
-/* A source that gives only one kind speaks for that one only. */
+/* A source of one kind reports that one only. */
 static void folder_configure(fathom_source *source, fathom_config *config) {
     const folder_source *s = (const folder_source *)source;
     fathom_config all = *config;

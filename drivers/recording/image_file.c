@@ -14,7 +14,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-/* Larger than any depth camera; keeps a corrupt header from asking for gigabytes. */
+/* Larger than any depth camera; prevents allocation of gigabytes for a corrupt header. */
 #define LARGEST_SIDE 16384
 
 struct png_job {
@@ -34,7 +34,7 @@ static int fail(const char *path, const char *what, char *error, size_t error_si
 
 static void on_error(png_structp png, png_const_charp message) {
     struct png_job *job = png_get_error_ptr(png);
-    /* A failed write shows as libpng's "Write Error"; the system's reason (disk full) is what helps. */
+    /* libpng reports a failed write as "Write Error"; the system's reason (disk full) is more useful. */
     if (job->file && ferror(job->file) && errno)
         message = strerror(errno);
     else if (job->file && feof(job->file))
@@ -100,7 +100,7 @@ static int read_rows(struct png_job *job, uint16_t *pixels, size_t capacity, int
         else
             for (png_uint_32 x = 0; x < w; x++) out[x] = job->row[x];
     }
-    png_read_end(job->png, NULL); /* finds a file cut after its last row */
+    png_read_end(job->png, NULL); /* detects a file truncated after its last row */
     *width = (int)w;
     *height = (int)h;
     return 0;
@@ -136,7 +136,8 @@ int image_read_size(const char *path, int *width, int *height, char *error, size
 /* PNG's rows hold 16 bits high byte first. */
 static void put_row(const image_pixels *picture, int y, png_bytep out) {
     const size_t w = (size_t)picture->width, tight = w * (picture->rgb ? 3 : 2);
-    const uint8_t *row = (const uint8_t *)picture->pixels + (size_t)y * (picture->stride_bytes ? picture->stride_bytes : tight);
+    const uint8_t *row = (const uint8_t *)picture->pixels +
+                         (size_t)y * (picture->stride_bytes ? picture->stride_bytes : tight);
     if (picture->rgb) {
         memcpy(out, row, tight);
         return;
@@ -152,7 +153,8 @@ static int write_rows(struct png_job *job, const image_pixels *picture) {
     if (setjmp(png_jmpbuf(job->png))) return -1;
     png_init_io(job->png, job->file);
     png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height,
-                 picture->rgb ? 8 : 16, picture->rgb ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+                 picture->rgb ? 8 : 16, picture->rgb ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY,
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     /* Level 1 with the one filter that suits smooth depth: libpng's own choice of filters costs five times as
      * long for files that are a few per cent smaller. */
     png_set_compression_level(job->png, 1);
@@ -194,7 +196,7 @@ int image_write(const char *path, const image_pixels *picture, char *error, size
         fail(path, "out of memory", error, error_size);
     if (job.png) png_destroy_write_struct(&job.png, &job.info);
     free(job.row);
-    /* What stdio still held goes to the disk now: a full disk shows here at the latest. */
+    /* Writes stdio's buffer to the disk: a full disk shows here at the latest. */
     errno = 0;
     const int bad_flush = fflush(job.file) || ferror(job.file);
     const int flush_errno = errno;

@@ -1,4 +1,4 @@
-/* 16-bit depth and 8-bit colour pictures in PNG files, by libpng. Internal to drivers/ and examples/. */
+/* 16-bit depth and 8-bit colour images in PNG files, by libpng. Internal to drivers/ and examples/. */
 #ifndef FATHOM_IMAGE_FILE_H
 #define FATHOM_IMAGE_FILE_H
 
@@ -6,16 +6,17 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Each returns 0, or -1 with one line in error that names the file and what was wrong. */
+/* Each returns 0, or -1 with one line in error: the file and the reason. */
 
-/* Reads a greyscale PNG of 16 (or 8) bits into pixels, row by row, at most capacity pixels; its size into *width, *height. */
+/* Reads a greyscale PNG of 16 (or 8) bits into pixels, row by row, maximum capacity pixels; its size into *width,
+ * *height. */
 int image_read_gray16(const char *path, uint16_t *pixels, size_t capacity, int *width, int *height,
                       char *error, size_t error_size);
 
 /* Reads only the size. */
 int image_read_size(const char *path, int *width, int *height, char *error, size_t error_size);
 
-/* A picture to write. */
+/* An image to write. */
 typedef struct {
     const void *pixels; /* uint16_t, or three bytes (R, G, B) per pixel */
     int width, height;
@@ -23,10 +24,10 @@ typedef struct {
     bool rgb;
 } image_pixels;
 
-/* Writes a picture; the file appears whole or not at all (written beside its place, then renamed). */
+/* Writes an image; the file appears whole or not at all (written under another name, then renamed). */
 int image_write(const char *path, const image_pixels *picture, char *error, size_t error_size);
 
-/* The same of tight rows of depth. */
+/* The same for tight rows of depth. */
 int image_write_gray16(const char *path, const uint16_t *pixels, int width, int height, char *error,
                        size_t error_size);
 

@@ -28,8 +28,8 @@ bool line_file_flush(struct line_file *file) {
         else if (wrote == 0 || errno != EINTR)
             file->error = wrote == 0 ? EIO : errno;
     }
-    /* A disk that is full takes a part; the lines before stay whole. A file that can't be cut ends in half a line,
-     * which readers leave out. */
+    /* A full disk takes a part of a line; the lines before stay whole. A file that can't be truncated ends in an
+     * incomplete line, which readers skip. */
     if (file->error && done > 0 && ftruncate(file->fd, (off_t)file->bytes)) {
     }
     if (!file->error) {

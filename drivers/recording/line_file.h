@@ -1,5 +1,5 @@
-/* A text file that grows by whole lines: whenever the writing stops (a kill, a full disk), what is on the disk ends with
- * a line's end, and at most half a second of lines is missing. */
+/* A text file that grows by whole lines: whenever the writing stops (a kill, a full disk), the file ends with a whole
+ * line, and a maximum of half a second of lines is missing. */
 #ifndef FATHOM_LINE_FILE_H
 #define FATHOM_LINE_FILE_H
 
@@ -21,16 +21,16 @@ struct line_file {
     char buffer[LINE_FILE_ROOM];
 };
 
-/* Replaces a file that is there. These and all below: false when it failed, then error says why. */
+/* Replaces an existing file. This and all below: false on failure, then error is set. */
 bool line_file_open(struct line_file *file, const char *path);
 
-/* One line, its end included, of at most 1000 bytes. */
+/* Adds one line, its end included, of a maximum of 1000 bytes. */
 bool line_file_add(struct line_file *file, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* Writes what waits. */
+/* Writes the waiting lines. */
 bool line_file_flush(struct line_file *file);
 
-/* One that isn't open is allowed. */
+/* A file that isn't open is allowed. */
 bool line_file_close(struct line_file *file);
 
 #endif

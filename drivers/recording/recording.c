@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* What TUM RGB-D's own tools take for a folder that doesn't say (its "file formats" page), at 640x480. */
+/* The default of TUM RGB-D's tools for folders without intrinsics (its "file formats" page), at 640x480. */
 static const double tum_intrinsics[4] = {525, 525, 319.5, 239.5};
 static const double tum_depth_units = 5000;
 
@@ -25,8 +25,8 @@ static int find_size(struct recording *recording) {
     return failed ? recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s", error) : FATHOM_OK;
 }
 
-/* The options' intrinsics, else the file's (there already), else TUM's. A principal point at the middle of
- * the pixels of one size lies at the middle of the other's: cx + 0.5 scales. */
+/* The options' intrinsics, else the file's (already set), else TUM's. A principal point at the middle of the pixels of
+ * one size lies at the middle of the other's: cx + 0.5 scales. */
 static int settle_intrinsics(struct recording *recording, const fathom_recording_options *options) {
     fathom_recording *shown = &recording->shown;
     const int width = shown->camera.width, height = shown->camera.height;
@@ -120,7 +120,8 @@ int fathom_recording_open(fathom_recording **out, const char *folder,
     fathom_recording_options whole = FATHOM_STRUCT(fathom_recording_options);
     struct recording *recording;
     if (out) *out = NULL;
-    if (!out || !folder || (options && !sized_in(&whole, sizeof whole, options))) return FATHOM_ERROR_ARGUMENT;
+    if (!out || !folder || (options && !sized_in(&whole, sizeof whole, options)))
+        return FATHOM_ERROR_ARGUMENT;
     const int result = with_folder(&recording, folder, whole.log, whole.log_user, read_all, &whole);
     *out = result ? NULL : &recording->shown;
     return result;
@@ -148,8 +149,8 @@ static int read_description(struct recording *recording, const void *user) {
     free(rig);
     int result = recording_read_calibration(recording);
     if (!result && !there && !recording->has_calibration)
-        result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: there is neither rig.txt nor calibration.txt",
-                                recording->folder);
+        result = recording_fail(recording, FATHOM_ERROR_NO_DATA,
+                                "%s: there is neither rig.txt nor calibration.txt", recording->folder);
     if (!result) result = recording_read_rig(recording);
     shown->depth_units_per_metre = config->depth_units_per_metre;
     return result;
@@ -198,7 +199,7 @@ int fathom_recording_read_depth(const fathom_recording *shown, int index, uint16
     const fathom_pinhole *camera = &shown->camera;
     const size_t capacity = (size_t)camera->width * (size_t)camera->height;
     const int failed = image_read_gray16(path, pixels, capacity, &width, &height, error, sizeof error);
-    /* A larger frame fails for want of room; its header then tells the better reason. */
+    /* A larger frame fails for lack of room; its header then gives a better reason. */
     if (failed) {
         char ignored[64];
         if (image_read_size(path, &width, &height, ignored, sizeof ignored)) width = height = 0;

@@ -1,17 +1,17 @@
-/* What the parts of the recording reader share. Internal to drivers/. */
+/* Shared by the parts of the recording reader. Internal to drivers/. */
 #ifndef FATHOM_RECORDING_INTERNAL_H
 #define FATHOM_RECORDING_INTERNAL_H
 
 #include "fathom_drivers.h"
 
 struct recording {
-    fathom_recording shown; /* first: what the caller holds points here */
+    fathom_recording shown; /* first: the caller's pointer points here */
     char *folder;
     fathom_recording_frame *frames;
     fathom_imu_sample *imu;
     fathom_recording_pose *poses;
-    bool has_calibration; /* calibration.txt was there */
-    bool has_depth_scale; /* rig.txt had depth_scale */
+    bool has_calibration; /* calibration.txt exists */
+    bool has_depth_scale; /* rig.txt has depth_scale */
     fathom_log log;
     void *log_user;
 };
@@ -27,18 +27,17 @@ int recording_fail(const struct recording *recording, int code, const char *form
 /* folder/file, or file itself when it is absolute; from malloc. NULL without memory. */
 char *recording_path(const struct recording *recording, const char *file);
 
-/* Each reads one of the text files into the recording and says what is wrong with it. A file that may be
- * missing is no error when it is. */
+/* Each reads one of the text files into the recording and logs its faults. A missing optional file is no error. */
 int recording_read_frames(struct recording *recording);
 int recording_read_calibration(struct recording *recording);
 int recording_read_rig(struct recording *recording);
 int recording_read_imu(struct recording *recording, const char *path); /* NULL: imu.txt, may be missing */
 int recording_read_poses(struct recording *recording);
 
-/* NULL when fx fy cx cy can belong to pictures of that size, else what is wrong with them. */
+/* NULL when fx fy cx cy are plausible for images of that size, else their fault. */
 const char *recording_intrinsics_fault(const fathom_pinhole *camera);
 
-/* Looks at a few frames and warns when the assumed depth scale can't be right. */
+/* Checks the assumed depth scale with a few frames, and warns when it can't be right. */
 int recording_judge_depth_scale(struct recording *recording);
 
 #endif

@@ -1,4 +1,4 @@
-/* The files of a recording that hold one record a time: depth.txt, imu.txt, groundtruth.txt. */
+/* The files of a recording with one record per time: depth.txt, imu.txt, groundtruth.txt. */
 #include "recording/recording_internal.h"
 #include "recording/recording_text.h"
 
@@ -29,9 +29,8 @@ static void *list_more(struct list *list) {
 /* What to do with a record whose stamp may not come after the one before it. */
 enum order { ORDER_KEEP, ORDER_SKIP, ORDER_REPLACE };
 
-/* Normally the one that goes back is the wrong one. But when the record before it had leapt ahead by more
- * than a second and this one fits in front of it, then that leap was the error; skipping would throw the
- * whole rest of the file away. */
+/* Normally the record that goes back is wrong. But when its predecessor had leapt ahead by more than a second and this
+ * one fits before it, that leap was the error, and skipping would lose the whole rest of the file. */
 static enum order judge_order(const struct list *list, int64_t stamp) {
     const int64_t leap_ns = 1000000000;
     const char *items = list->items;
@@ -106,7 +105,7 @@ int recording_read_frames(struct recording *recording) {
 
 /* ---- imu.txt and groundtruth.txt ----------------------------------------------------------------------- */
 
-/* What was wrong with lines that were left out. */
+/* The faults of lines that were left out. */
 struct faults {
     int unreadable, not_finite, out_of_order, first_line;
 };
@@ -133,8 +132,8 @@ static bool read_numbers(struct text_file *text, int64_t *stamp, double *values,
     return false;
 }
 
-/* Makes room for the record, or not, as its stamp allows. Returns false without memory; *item is NULL for a
- * line to be left out. */
+/* Makes room for the record if its stamp allows. Returns false without memory; *item is NULL for a line to be left
+ * out. */
 static bool place(struct list *list, int64_t stamp, struct faults *faults, int line, void **item) {
     *item = NULL;
     const enum order order = judge_order(list, stamp);

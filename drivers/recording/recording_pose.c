@@ -39,7 +39,8 @@ int fathom_recording_pose_at(const fathom_recording *recording, int64_t timestam
     if (a && b && b->timestamp_ns - a->timestamp_ns <= widest_gap_ns) {
         const double s =
             (double)(timestamp_ns - a->timestamp_ns) / (double)(b->timestamp_ns - a->timestamp_ns);
-        for (int i = 0; i < 3; i++) pose->position[i] = (1 - s) * a->pose.position[i] + s * b->pose.position[i];
+        for (int i = 0; i < 3; i++)
+            pose->position[i] = (1 - s) * a->pose.position[i] + s * b->pose.position[i];
         slerp(a->pose.orientation, b->pose.orientation, s, pose->orientation);
         return FATHOM_OK;
     }

@@ -1,4 +1,4 @@
-/* What the recording reader says of what it finds, and where it looks. */
+/* Messages and paths of the recording reader. */
 #include "recording/recording_internal.h"
 
 #include <stdarg.h>

@@ -12,8 +12,7 @@ const char *recording_intrinsics_fault(const fathom_pinhole *camera) {
     const int width = camera->width, height = camera->height;
     if (!isfinite(fx) || !isfinite(fy) || !isfinite(cx) || !isfinite(cy)) return "must be finite";
     if (fx <= 0 || fy <= 0) return "fx and fy must be above zero";
-    /* Views wider than 157 degrees or narrower than 3 are other units (normalised, millimetres), not such a
-     * camera. */
+    /* Views wider than 157 degrees or narrower than 3 indicate other units (normalised, millimetres). */
     if (fx < 0.1 * width || fx > 20.0 * width || fy < 0.1 * height || fy > 20.0 * height)
         return "fx and fy don't suit the size of the frames; they are in pixels";
     if (cx <= 0 || cx >= width || cy <= 0 || cy >= height)
@@ -31,7 +30,8 @@ static int read_calibration_line(struct recording *recording, const char *path, 
     while (count < 12 && numbers && !text_at_end(text)) numbers = text_number(text, &v[count++]);
     if (!numbers || !text_at_end(text) || (count != 4 && count != 8 && count != 9 && count != 12))
         return recording_fail(recording, FATHOM_ERROR_CONFIG,
-                              "%s:%d: expected `fx fy cx cy [k1 k2 p1 p2 [k3 [k4 k5 k6]]]`", path, text->number);
+                              "%s:%d: expected `fx fy cx cy [k1 k2 p1 p2 [k3 [k4 k5 k6]]]`", path,
+                              text->number);
     fathom_pinhole camera = {.width = shown->camera.width, .height = shown->camera.height,
                              .fx = v[0], .fy = v[1], .cx = v[2], .cy = v[3]};
     const char *fault = recording_intrinsics_fault(&camera);

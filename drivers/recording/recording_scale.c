@@ -1,4 +1,4 @@
-/* Is the depth scale that nobody stated a likely one? */
+/* Checks whether an assumed depth scale is likely. */
 #include "recording/recording_internal.h"
 #include "recording/image_file.h"
 
@@ -7,8 +7,8 @@
 
 #define LOOKED_AT 5 /* frames, spread over the recording */
 
-/* The median depth of those frames in units, 0 when they show nothing. Frames that can't be read are none of
- * this function's business: reading them in their turn will say so. */
+/* The median depth of those frames in units, 0 when they are empty. Frames that can't be read are skipped: reading them
+ * later reports the error. */
 static int median_units(const struct recording *recording, uint16_t *pixels, uint32_t *histogram) {
     const fathom_recording *shown = &recording->shown;
     const size_t capacity = (size_t)shown->camera.width * (size_t)shown->camera.height;

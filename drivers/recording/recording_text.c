@@ -21,7 +21,7 @@ void text_close(struct text_file *text) {
     *text = (struct text_file){0};
 }
 
-/* Cuts the comment and the blanks (a carriage return among them) off the present line. */
+/* Removes the comment and surrounding blanks (including a carriage return) from the current line. */
 static void trim(struct text_file *text, size_t length) {
     char *start = text->line;
     if (text->number == 1 && length >= 3 && memcmp(start, "\xEF\xBB\xBF", 3) == 0)
@@ -40,7 +40,7 @@ bool text_next(struct text_file *text) {
         errno = 0;
         const ssize_t length = getline(&text->line, &text->capacity, text->file);
         if (length < 0) {
-            /* getline says -1 for the end, for a failed read (a folder, say) and for want of memory alike. */
+            /* getline returns -1 for the end, for a failed read (such as of a folder) and without memory. */
             if (ferror(text->file) || errno == ENOMEM) text->error = errno ? errno : EIO;
             return false;
         }
@@ -60,7 +60,7 @@ bool text_word(struct text_file *text, char **word) {
 }
 
 static bool word_to_number(const char *word, double *value) {
-    if (strpbrk(word, "xXpP(")) return false; /* strtod would take 0x1p3 and nan(...) */
+    if (strpbrk(word, "xXpP(")) return false; /* strtod would accept 0x1p3 and nan(...) */
     char *end;
     *value = strtod(word, &end);
     return end != word && !*end;

@@ -1,4 +1,4 @@
-/* fathom calibrate: how the IMU sits on the camera and how its clock runs, from a recording that tracks. */
+/* fathom calibrate: extrinsics and clock offset of the IMU, from a recording that tracks. */
 #include "calibrate/calibration.h"
 #include "simulate/camera_path.h"
 #include "fathom/commands.h"
@@ -56,7 +56,8 @@ static int prepare(struct calibrate *c) {
             "%s: the frames are from %.3f to %.3f s, the IMU samples from %.3f to %.3f s: they never "
             "meet; --offset-start shifts the samples",
             c->folder, from, to, imu_from, imu_to);
-    c->pixels = malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *c->pixels);
+    c->pixels =
+        malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *c->pixels);
     c->path.points = malloc((size_t)recording->frame_count * sizeof *c->path.points);
     if (!c->pixels || !c->path.points) return cli_error(CLI_FAILED, "out of memory");
     return rig_file_can_write(c->output ? c->output : c->rig) ? CLI_DONE : CLI_FAILED;
@@ -86,8 +87,8 @@ static int take_frame(struct calibrate *c, struct playback *playback, const fath
     return CLI_DONE;
 }
 
-/* Tracks the whole recording. With a rig, the gyroscope helps; not the accelerometer, whose gravity a mounting that
- * is only roughly known turns into acceleration. */
+/* Tracks the whole recording. With a rig, the gyroscope helps; not the accelerometer, since with a roughly known
+ * mounting gravity would appear as acceleration. */
 static int track(struct calibrate *c, const fathom_recording *rig, const char *what) {
     struct playback playback = {0};
     fathom_config config = c->settings.config;
@@ -121,7 +122,7 @@ static enum calibration_outcome solve(struct calibrate *c) {
     return calibration_solve(&input, &c->found);
 }
 
-/* The recording as if its rig.txt said what was found. */
+/* The recording with the estimated rig in place of its rig.txt's. */
 static fathom_recording with_rig(const struct calibrate *c) {
     fathom_recording rig = *c->recording;
     memcpy(rig.imu_to_camera_rotation, c->found.rotation, sizeof rig.imu_to_camera_rotation);
@@ -134,7 +135,7 @@ static fathom_recording with_rig(const struct calibrate *c) {
 
 /* ---- what is said -------------------------------------------------------------------------------------- */
 
-/* Why there is no result; a CLI_ status. */
+/* Reports why there is no result; returns a CLI_ status. */
 static int explain(const struct calibrate *c, enum calibration_outcome outcome) {
     const struct calibration *f = &c->found;
     const double *t = f->turning, *w = f->weak_axis;
@@ -248,7 +249,7 @@ static void print_table(const struct calibrate *c, FILE *out) {
             CALIBRATION_LEVER_SIGMA_M);
 }
 
-/* What the data leave open is seen by turning about the axes across it. */
+/* An undetermined axis is determined by rotation about the axes perpendicular to it. */
 static void warn_of_doubt(const struct calibrate *c) {
     static const char *const motions[3] = {"nodding (about x)", "panning (about y)", "rolling (about z)"};
     const struct calibration *f = &c->found;
@@ -294,8 +295,8 @@ static int calibrate(struct calibrate *c) {
     const bool usable =
         outcome == CALIBRATION_DONE || (c->found.weak_sigma > 0 && c->found.weak_sigma < ROUGH_SIGMA);
     if (usable) {
-        /* With the rig as found so far, frames are tracked that were lost or mistaken without the IMU, and fast ones better:
-         * the clock offset of a fast recording came out 2.1 ms off without this, 0.7 ms with it. */
+        /* With the rig estimated so far, frames that were lost or wrong without the IMU are tracked, and fast ones
+         * better: the clock offset of a fast recording came out 2.1 ms off without this, 0.7 ms with it. */
         if (c->verbose)
             cli_note("%d of %d frames tracked without the IMU, %d stretches left out", tracked(c),
                      c->path.count, c->found.left_out);
@@ -350,13 +351,13 @@ static int run(const struct command *command, int argc, char **argv) {
 const struct command command_calibrate = {
     .name = "calibrate",
     .summary = "how the IMU sits on the camera, from a recording",
-    .about = "Estimates, from a recording folder with imu.txt, the IMU's mounting rotation, the offset of its clock and, "
-             "where the motion shows them, its place on the rig; writes them into rig.txt. What rig.txt says of these is not "
-             "used. The camera should turn about all its axes, briskly and to and fro, for ten seconds or more, in front of "
-             "something it can track.",
+    .about = "Estimates, from a recording folder with imu.txt, the IMU's mounting rotation, the offset of "
+             "its clock and, where the motion shows them, its place on the rig; writes them into rig.txt. "
+             "What rig.txt says of these is not used. The camera should turn about all its axes, briskly "
+             "and to and fro, for ten seconds or more, in front of something it can track.",
     .words = {{"folder", AT(folder)}},
     .groups = groups,
     .later = "--color",
-    .output = "A table of values, each with one standard deviation, goes to stdout (with --output - to stderr). After Ctrl-C "
-              "rig.txt is untouched.",
+    .output = "A table of values, each with one standard deviation, goes to stdout (with --output - to "
+              "stderr). After Ctrl-C rig.txt is untouched.",
     .run = run};

@@ -6,8 +6,8 @@
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/* Windows long against alignment's noise, and short against the motion, the drift and the bias: which that is depends on
- * the recording, so all are tried, and the one with the least uncertainty is taken. */
+/* Windows long against alignment's noise, and short against the motion, the drift and the bias: which that is depends
+ * on the recording, so all are tried, and the one with the least uncertainty is taken. */
 static constexpr double window_lengths[] = {0.1, 0.2, 0.4};
 
 bool TurnSolver::prepare(const calibration_input &input) {
@@ -31,7 +31,7 @@ void TurnSolver::cut(double window_length) {
     }
 }
 
-/* Looks up the gyroscope's turns at an offset; the number of windows that have one. */
+/* Looks up the gyroscope's rotations at an offset; returns the number of windows with one. */
 int TurnSolver::place(double offset) {
     int usable = 0;
     for (int k = 0; k < count; k++) {
@@ -43,7 +43,8 @@ int TurnSolver::place(double offset) {
     return usable;
 }
 
-calibration_outcome TurnSolver::solve(const calibration_input &input, double window_length, calibration *result) {
+calibration_outcome TurnSolver::solve(const calibration_input &input, double window_length,
+                                      calibration *result) {
     TurnGuess guess;
     *result = calibration();
     cut(window_length);
@@ -56,7 +57,7 @@ calibration_outcome TurnSolver::solve(const calibration_input &input, double win
             *result = whole;
     }
     if (outcome == CALIBRATION_DISAGREES) {
-        /* Degrees for radians make turns beyond half a circle, which compare with nothing. */
+        /* Degrees for radians give rotations beyond half a turn, which can't be compared. */
         calibration degrees = calibration();
         gyro.integrate(Vector3d::Zero(), M_PI / 180);
         if (search(input, &guess, &degrees) == CALIBRATION_DONE) {
@@ -83,7 +84,7 @@ calibration_outcome calibration_solve(const calibration_input *input, calibratio
     calibration_outcome outcome = CALIBRATION_MEMORY;
     *result = calibration();
     if (!solver.prepare(*input)) return outcome;
-    /* What has no sigma yet ranks behind what has one. */
+    /* Results without a sigma rank behind those with one. */
     const auto doubt = [](const calibration &c) {
         return c.weak_sigma > 0 ? c.weak_sigma * c.offset_sigma : 1e9;
     };

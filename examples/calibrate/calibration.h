@@ -1,5 +1,5 @@
-/* Finds how an IMU sits on the camera, and how its clock runs, from the way that the camera took (found without
- * the IMU) and the IMU's samples. Nothing about the rig is assumed to start with. */
+/* Estimates the extrinsics and the clock offset of an IMU from the camera's trajectory (found without the IMU) and the
+ * IMU's samples. Nothing about the rig is assumed. */
 #ifndef FATHOM_CLI_CALIBRATION_H
 #define FATHOM_CLI_CALIBRATION_H
 
@@ -12,7 +12,7 @@ extern "C" {
 #endif
 
 struct calibration_input {
-    const struct path *path; /* only frames first and tracked count; others break the way */
+    const struct path *path; /* only first and tracked frames count; others interrupt the trajectory */
     const fathom_imu_sample *imu;
     int imu_count;
     double gravity;      /* m/s^2; 0: 9.80665 */
@@ -23,48 +23,47 @@ struct calibration_input {
 enum calibration_outcome {
     CALIBRATION_DONE,
     CALIBRATION_MEMORY,     /* out of memory */
-    CALIBRATION_FEW_FRAMES, /* fewer than CALIBRATION_LEAST_WINDOWS stretches of tracked frames with samples */
-    CALIBRATION_LITTLE_TURNING, /* the turning leaves the mounting's rotation open: see weak_axis */
-    CALIBRATION_DISAGREES,      /* camera and gyroscope don't turn alike at any offset: see correlation */
+    CALIBRATION_FEW_FRAMES, /* fewer than CALIBRATION_LEAST_WINDOWS windows of tracked frames with samples */
+    CALIBRATION_LITTLE_TURNING, /* the rotation of the rig doesn't determine the mounting: see weak_axis */
+    CALIBRATION_DISAGREES,      /* rotations of camera and gyroscope disagree at any offset: see correlation */
     CALIBRATION_RANGE,          /* the best offset lies at the end of the range */
-    CALIBRATION_SCALE,          /* they turn alike, but not by the same amount: see gyro_scale */
-    CALIBRATION_MIRRORED        /* they turn alike only through a mirror: left-handed axes */
+    CALIBRATION_SCALE,          /* they agree but for a scale: see gyro_scale */
+    CALIBRATION_MIRRORED        /* they agree only when mirrored: left-handed axes */
 };
 
 #define CALIBRATION_LEAST_WINDOWS 20
 
-/* Beyond these (one sigma) a value counts as not observable. */
+/* Beyond these (one sigma) a value is unobservable. */
 #define CALIBRATION_ROTATION_SIGMA_DEG 5.0
 #define CALIBRATION_OFFSET_SIGMA_S 0.005
 #define CALIBRATION_LEVER_SIGMA_M 0.02
 
-/* Boards are laid out square, to within this (one sigma). It only counts where the data leave more doubt. */
+/* Boards are mounted square, to within this (one sigma). It matters only where the data are less certain. */
 #define CALIBRATION_SQUARE_DEG 2.0
 
-/* All sigmas are one standard deviation. What an outcome other than DONE couldn't reach is zero. */
+/* All sigmas are one standard deviation. Values that an outcome other than DONE hasn't determined are zero. */
 struct calibration {
-    int windows;                   /* stretches of frames used */
-    int left_out;                  /* stretches left out because tracking went wrong there */
-    double turning[3];             /* rms rate about the camera's axes, rad/s, its mean taken off */
-    double correlation;            /* of the two turnings at the best offset and rotation, 0..1 */
+    int windows;                   /* windows of frames used */
+    int left_out;                  /* windows left out for wrong tracking */
+    double turning[3];             /* rms rate about the camera's axes, rad/s, less its mean */
+    double correlation;            /* of the two rates at the best offset and rotation, 0..1 */
     double rotation[9];            /* row-major: v_camera = R v_imu */
     double rotation_sigma[3];      /* radians, about the camera's axes */
     double rotation_covariance[9]; /* row-major, radians^2, about the axes of the camera */
-    double
-        weak_axis[3]; /* camera axes: the direction about which the rotation is known least, and how well */
-    double weak_sigma;
-    /* Where the data are compatible with a mounting in quarter turns, it is taken as one within
-     * CALIBRATION_SQUARE_DEG; what they say without that. */
+    double weak_axis[3]; /* camera axes: the axis about which the rotation is least certain */
+    double weak_sigma;   /* radians, about that axis */
+    /* Where the data are compatible with a mounting in quarter turns, it is assumed to be one within
+     * CALIBRATION_SQUARE_DEG; the estimate without that. */
     double data_rotation[9], data_rotation_sigma[3];
     double data_weak_axis[3], data_weak_sigma; /* as weak_axis and weak_sigma */
-    double square_moved; /* from there to rotation, in the data's own sigmas; 0: not taken as square */
+    double square_moved; /* from there to rotation, in sigmas of the data; 0: not assumed to be square */
     double offset, offset_sigma; /* seconds to add to an IMU stamp */
     bool offset_observable;
     double gyro_bias[3], gyro_bias_sigma[3]; /* rad/s, IMU axes */
-    double gyro_scale, gyro_scale_sigma;     /* the camera's turning over the gyroscope's */
+    double gyro_scale, gyro_scale_sigma;     /* the camera's rate over the gyroscope's */
     double rotation_residual;                /* robust sigma of a window's rotation, each axis, radians */
 
-    bool accelerometer;              /* the figures below were sought */
+    bool accelerometer;              /* the values below were estimated */
     double lever[3], lever_sigma[3]; /* metres, the IMU's origin in camera axes */
     bool lever_observable;
     double accel_bias[3], accel_bias_sigma[3]; /* m/s^2, IMU axes */

@@ -2,8 +2,8 @@
  * from 0 at i to 1 at m and falls to 0 at j, integrating by parts gives for any moving point x
  *     (x_j - x_m) / h2 - (x_m - x_i) / h1 = integral L(t) x''(t) dt.
  * The IMU sits at x = p + R lever and measures f = C^T R^T (x'' - gravity) + bias, so lever, bias and gravity enter
- * linearly, and so does a small turn of C: gravity, seen from many sides, tells C's rotation better than a noisy gyroscope
- * can. R between frames is the gyroscope's, from the middle frame on. */
+ * linearly, and so does a small turn of C: gravity, seen from many sides, tells C's rotation better than a noisy
+ * gyroscope can. R between frames is the gyroscope's, from the middle frame on. */
 #include "calibrate/calibration_frames.hpp"
 #include "calibrate/robust_fit.hpp"
 
@@ -19,7 +19,7 @@ namespace {
 constexpr double half_window_s =
     0.3; /* alignment's noise weighs 1/h, the lever h; drift and bias set the end */
 constexpr double reach_s = 6 * half_window_s;
-/* What is known of any rig before the data speak. */
+/* Prior for any rig. */
 constexpr double lever_prior = 0.3 /* m */, bias_prior = 0.5, gravity_prior = 0.05 /* m/s^2 */;
 
 enum { LEVER = 0, BIAS = 3, GRAVITY = 6, ROTATION = 9, PARAMETERS = 12 };
@@ -105,7 +105,7 @@ bool calibrate_lever(const CalibrationFrames &frames, const GyroPath &gyro, doub
     }
     if (count < CALIBRATION_LEAST_WINDOWS) return true;
 
-    /* The first guess of gravity: what the accelerometer reads on average, with no acceleration at all. */
+    /* The first guess of gravity: the mean of the accelerometer, assuming no acceleration. */
     LeverFit::Vector x = LeverFit::Vector::Zero();
     for (int k = 0; k < count; k++)
         x.segment<3>(GRAVITY) += base[k].jacobian.block<3, 3>(0, GRAVITY).inverse() * -base[k].value / count;
@@ -146,7 +146,7 @@ bool calibrate_lever(const CalibrationFrames &frames, const GyroPath &gyro, doub
     }
     result->accelerometer = true;
     result->lever_observable = worst <= CALIBRATION_LEVER_SIGMA_M;
-    /* Where not even the lever comes out, positions are poor, and gravity's word on the rotation is worth little. */
+    /* Without a lever the positions are poor, and gravity hardly constrains the rotation. */
     if (!result->lever_observable) return true;
     const Matrix3d better = (rotation_exp(x.segment<3>(ROTATION)) * mounting).toRotationMatrix();
     for (int k = 0; k < 9; k++) {

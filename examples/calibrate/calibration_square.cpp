@@ -1,4 +1,4 @@
-/* Boards are laid out square: the mounting's rotation with that as a prior, and how well it is known. */
+/* Boards are mounted square: the mounting's rotation with that as a prior, and its uncertainty. */
 #include "calibrate/turn_solver.hpp"
 
 #include <cmath>

@@ -18,7 +18,7 @@ Vector3d rotation_log(const Quaterniond &rotation) {
     return sign * scale * rotation.vec();
 }
 
-/* A rate that goes from a to b evenly within h seconds: the integral and the first coning term (Bortz 1971, "A new
+/* A rate that changes linearly from a to b within h seconds: the integral and the first coning term (Bortz 1971, "A new
  * mathematical formulation for strapdown inertial navigation"). */
 static Quaterniond turn_of(const Vector3d &a, const Vector3d &b, double h) {
     return rotation_exp(h / 2 * (a + b) + h * h / 12 * a.cross(b));
@@ -92,7 +92,7 @@ Vector3d GyroPath::force_at(double t) const {
 bool GyroPath::between(double t0, double t1, Quaterniond *turn) const {
     const int i = index_of(t0), j = index_of(t1);
     if (i < 0 || j < i || t1 > samples[count - 1].t) return false;
-    const int last = t1 > samples[j].t ? j + 1 : j; /* the sample that t1 leans on */
+    const int last = t1 > samples[j].t ? j + 1 : j; /* the sample used for t1 */
     if (gaps[last] != gaps[i]) return false;
     *turn = orientation_at(i, t0).conjugate() * orientation_at(j, t1);
     return true;

@@ -6,15 +6,15 @@
 
 struct rig_entry {
     const char *key;
-    char text[192]; /* what follows the key; empty: the key is left as it is */
+    char text[192]; /* the text after the key; empty: the key is unchanged */
 };
 
-/* Copies the file `from` (one that isn't there counts as empty) to `to`, in which the first line of each entry's key
- * is replaced, further ones are left out, and what wasn't there is added at the end. `to` is written beside its place
- * (TO.part) and renamed when whole, so it may be `from`; "-" is standard output. False after saying what was wrong. */
+/* Copies the file `from` (a missing one counts as empty) to `to`, with the first line of each entry's key replaced,
+ * further ones left out, and missing ones added at the end. `to` is written as TO.part and renamed when whole, so it
+ * may be `from`; "-" is standard output. False after an error message. */
 bool rig_file_update(const char *from, const char *to, const struct rig_entry *entries, int count);
 
-/* A place that can't be written to is better known early. False after saying so. */
+/* Checks early whether `to` can be written. False after an error message. */
 bool rig_file_can_write(const char *to);
 
 #endif

@@ -8,11 +8,11 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 static constexpr double reach_windows = 4; /* beyond it, the errors of windows are taken as independent */
-/* What is known of any MEMS gyroscope before the data speak. */
+/* Prior for any MEMS gyroscope. */
 static constexpr double bias_prior = 0.01 /* rad/s */, scale_prior = 0.05;
 static constexpr int most_steps = 30;
 
-/* The turn that is left between what the gyroscope says and what the camera did, in the later camera's axes. */
+/* The residual rotation between gyroscope and camera, in the later camera's axes. */
 Vector3d TurnSolver::residual(const TurnWindow &window, const TurnGuess &guess) const {
     const Quaterniond turn = guess.rotation * window.gyro * guess.rotation.conjugate();
     return rotation_log(turn.conjugate() * window.camera);
@@ -20,11 +20,12 @@ Vector3d TurnSolver::residual(const TurnWindow &window, const TurnGuess &guess) 
 
 static TurnGuess moved(const TurnGuess &guess, const TurnFit::Vector &step) {
     return {(rotation_exp(step.segment<3>(TURN_ROTATION)) * guess.rotation).normalized(),
-            guess.offset + step[TURN_OFFSET], guess.bias + step.segment<3>(TURN_BIAS), guess.scale + step[TURN_SCALE]};
+            guess.offset + step[TURN_OFFSET], guess.bias + step.segment<3>(TURN_BIAS),
+            guess.scale + step[TURN_SCALE]};
 }
 
-/* Rows for all usable windows: the residual, and its derivatives by central differences. Returns their number;
- * the gyroscope's path is left integrated as the guess has it. */
+/* Rows for all usable windows: the residual, and its derivatives by central differences. Returns their number; leaves
+ * the gyroscope's path integrated with the guess. */
 int TurnSolver::linearise(const TurnGuess &guess) {
     static const double steps[TURN_PARAMETERS] = {1e-4, 1e-4, 1e-4, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4};
     const auto fill = [&](const TurnGuess &at, const auto &take) {
@@ -33,7 +34,7 @@ int TurnSolver::linearise(const TurnGuess &guess) {
         for (int k = 0; k < count; k++) {
             if (!windows[k].usable) continue;
             TurnWindow w = windows[k];
-            /* A window at the very end of the samples may lose them by the step: it then says nothing. */
+            /* A window at the very end of the samples may lose them by the step: it is then left out. */
             if (!gyro.between(frames.frame[w.i].t - at.offset, frames.frame[w.j].t - at.offset, &w.gyro))
                 w.gyro = windows[k].gyro;
             take(rows[row++], residual(w, at), frames.frame[w.i].t);
@@ -71,8 +72,9 @@ calibration_outcome TurnSolver::refine(TurnGuess *guess, calibration *result) {
         fit.prior_pull = fit.prior * expected;
         TurnFit::Vector step = fit.step(rows.get(), used, scratch.get());
         if (!step.allFinite()) return CALIBRATION_LITTLE_TURNING;
-        /* Beyond these the linear model is no guide. */
-        const double most = std::max(step.segment<3>(TURN_ROTATION).norm() / 0.2, std::fabs(step[TURN_OFFSET]) / 0.02);
+        /* Beyond these the linear model is invalid. */
+        const double most =
+            std::max(step.segment<3>(TURN_ROTATION).norm() / 0.2, std::fabs(step[TURN_OFFSET]) / 0.02);
         if (most > 1) step /= most;
         *guess = moved(*guess, step);
         if (step.segment<3>(TURN_ROTATION).norm() < 1e-6 && std::fabs(step[TURN_OFFSET]) < 1e-7) break;

@@ -1,4 +1,4 @@
-/* The closed form of TurnSolver, and what is left out where part of the way is wrong. */
+/* The closed form of TurnSolver, and the exclusion of wrong parts of the path. */
 #include "calibrate/turn_solver.hpp"
 #include "simulate/counter_random.h"
 
@@ -10,16 +10,16 @@ using Eigen::Vector3d;
 
 static constexpr double grid_s = 0.005;
 static constexpr double least_correlation = 0.7;
-/* A mirror is believed in when it leaves less than this of the disagreement. */
+/* A mirror is accepted when it leaves less than this of the disagreement. */
 static constexpr double mirror_gain = 0.3;
 /* Below this (rad/s) noise alone may spoil the correlation; and tracking follows so small a turning too late and too
- * little, which no sigma shows: with hand tremor alone (0.02) mountings came out up to 9 degrees wrong with sigmas of 1.5.
- * So what turns less must correlate better. */
+ * little, which no sigma shows: with hand tremor alone (0.02) mountings came out up to 9 degrees wrong with sigmas of
+ * 1.5. So slower rotation must correlate better. */
 static constexpr double weak_turning = 0.07;
 static constexpr double least_correlation_weak = 0.995;
 static constexpr double scale_low = 0.8, scale_high = 1.25;
 static constexpr int consensus_draws = 40;      /* at each offset */
-static constexpr double least_agreement = 0.25; /* of the turning's energy; by chance it is some hundredths */
+static constexpr double least_agreement = 0.25; /* of the rotation's energy; by chance it is some hundredths */
 
 TurnLikeness TurnSolver::compare() const {
     TurnLikeness like;
@@ -64,7 +64,8 @@ static double best_rotation(const Matrix3d &covariance, Quaterniond *rotation, d
     return eigen.eigenvalues()[3];
 }
 
-calibration_outcome TurnSolver::search(const calibration_input &input, TurnGuess *guess, calibration *result) {
+calibration_outcome TurnSolver::search(const calibration_input &input, TurnGuess *guess,
+                                       calibration *result) {
     const int half = (int)std::ceil(input.offset_range / grid_s);
     int most = 0, best = 0;
     double correlation = -1, mirrored = -1;
@@ -103,7 +104,7 @@ calibration_outcome TurnSolver::search(const calibration_input &input, TurnGuess
 
 /* ---- when part of the way is wrong --------------------------------------------------------------------- */
 
-/* How far the rates of camera and gyroscope may lie apart: the bias, and a share for scale and noise. */
+/* Maximum difference between the rates of camera and gyroscope: the bias, and a share for scale and noise. */
 static double tolerance(const Vector3d &rate) {
     return 0.08 + 0.1 * rate.norm();
 }
@@ -138,9 +139,9 @@ Quaterniond TurnSolver::from_pair(const TurnWindow &p, const TurnWindow &q) cons
     return Quaterniond(rotation).normalized();
 }
 
-/* Where tracking went astray for a good part of the way, means and correlations mean nothing. Then the offset and the
- * rotation that most windows agree on (Fischler and Bolles 1981, "Random sample consensus", from two windows each time)
- * tell which windows to leave out. False when there are no such. */
+/* Where tracking was wrong for much of the path, means and correlations are useless. Then the offset and the rotation
+ * that most windows agree on (Fischler and Bolles 1981, "Random sample consensus", from two windows each time)
+ * determine the windows to leave out. False when there are none. */
 bool TurnSolver::consensus(const calibration_input &input, calibration *result) {
     const int half = (int)std::ceil(input.offset_range / grid_s);
     const uint64_t key = random_key(1, 0xca11b);

@@ -4,7 +4,7 @@
 
 #include "fathom/shell/options.h"
 
-extern const struct command command_replay, command_scan, command_log, command_devices, command_simulate, command_calibrate,
-    command_info, command_kernels, command_selftest;
+extern const struct command command_replay, command_scan, command_log, command_devices, command_simulate,
+    command_calibrate, command_info, command_kernels, command_selftest;
 
 #endif

@@ -1,4 +1,4 @@
-/* fathom devices: what each driver sees, what it lacks, and the fix. */
+/* fathom devices: each driver's devices, its problems, and the fix. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom_drivers.h"
@@ -83,7 +83,7 @@ static int run(const struct command *command, int argc, char **argv) {
 const struct command command_devices = {
     .name = "devices",
     .summary = "depth cameras and inertial sensors, and what they lack",
-    .about = "Lists the depth cameras and inertial sensors that each driver sees, and what keeps others from being used, "
-             "with the fix.",
+    .about = "Lists the depth cameras and inertial sensors that each driver sees, and what keeps others "
+             "from being used, with the fix.",
     .groups = groups,
     .run = run};

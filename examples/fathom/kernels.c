@@ -1,4 +1,4 @@
-/* fathom kernels: built kernels in a file, for boards where no compiler shall run. */
+/* fathom kernels: builds kernels into a file, for boards without a compiler. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/option_values.h"
@@ -16,8 +16,9 @@ static int save(fathom_config *config, const char *file, struct cli_log *log) {
         if (saved < 0) status = cli_error(CLI_FAILED, "%s: %s", file, log_reason(log, saved));
     }
     if (!status)
-        printf("%s: kernels for %s, depth %dx%d, maps %dx%d\n", file, plan->device, config->depth_camera.width,
-               config->depth_camera.height, plan->align_width, plan->align_height);
+        printf("%s: kernels for %s, depth %dx%d, maps %dx%d\n", file, plan->device,
+               config->depth_camera.width, config->depth_camera.height, plan->align_width,
+               plan->align_height);
     library_stop(&library);
     return status;
 }
@@ -32,11 +33,13 @@ struct kernels {
 #define AT(field) offsetof(struct kernels, field)
 
 static const struct option_row own[] = {
-    {"--depth", "WxH", OPTION_SIZE, AT(depth), 16, 4096, .help = "size of the depth frames (default 640x480)"},
+    {"--depth", "WxH", OPTION_SIZE, AT(depth), 16, 4096,
+     .help = "size of the depth frames (default 640x480)"},
     {"--verbose", NULL, OPTION_FLAG, AT(verbose), .help = "say more on stderr"},
     {0}};
 
-static const struct option_group groups[] = {{"What they are for", own, 0}, SETTINGS_GROUPS(AT(settings)), {0}};
+static const struct option_group groups[] = {
+    {"What they are for", own, 0}, SETTINGS_GROUPS(AT(settings)), {0}};
 
 static int run(const struct command *command, int argc, char **argv) {
     struct kernels kernels = {0};
@@ -56,9 +59,9 @@ static int run(const struct command *command, int argc, char **argv) {
 const struct command command_kernels = {
     .name = "kernels",
     .summary = "build the kernels into a file, for boards without a compiler",
-    .about = "Builds the kernels in every shape that the given settings use, and writes them to FILE. With --kernels FILE "
-             "the other commands take them from there and never run a compiler, on machines of the same kind, with the "
-             "same OpenCL runtime, fathom and settings.",
+    .about = "Builds the kernels in every shape that the given settings use, and writes them to FILE. With "
+             "--kernels FILE the other commands take them from there and never run a compiler, on machines "
+             "of the same kind, with the same OpenCL runtime, fathom and settings.",
     .words = {{"file", AT(file)}},
     .groups = groups,
     .run = run};

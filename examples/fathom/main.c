@@ -1,4 +1,4 @@
-/* fathom: the command line. Each command is a file of its own; here is only the list of them. */
+/* fathom: the command line. Each command has its own file; this one has the list of them. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/help.h"
@@ -25,7 +25,8 @@ static int refuse(const char *name) {
     int count = 0;
     for (; commands[count]; count++) names[count] = commands[count]->name;
     const char *meant = options_nearest(name, names, count);
-    return meant ? cli_error(CLI_USAGE, "unknown command '%s'; did you mean %s? fathom --help lists them", name, meant)
+    return meant ? cli_error(CLI_USAGE, "unknown command '%s'; did you mean %s? fathom --help lists them",
+                             name, meant)
                  : cli_error(CLI_USAGE, "unknown command '%s'; fathom --help lists them", name);
 }
 
@@ -48,7 +49,7 @@ static int run(int argc, char **argv) {
 
 int main(int argc, char **argv) {
     const int status = run(argc, argv);
-    /* What was printed may still be in stdio's buffer; a full disk behind stdout is a failure like any other. */
+    /* Output may still be in stdio's buffer; a full disk behind stdout is a failure like any other. */
     const bool lost = fflush(stdout) || ferror(stdout);
     if (status != CLI_DONE && status != CLI_HELPED) return status;
     return lost ? cli_error(CLI_FAILED, "standard output: %s", strerror(errno)) : CLI_DONE;

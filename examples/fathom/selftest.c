@@ -1,4 +1,4 @@
-/* fathom selftest: every kernel against the C reference on the present device. */
+/* fathom selftest: checks every kernel against the C reference on the device. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/log.h"
@@ -58,9 +58,9 @@ static int run(const struct command *command, int argc, char **argv) {
 const struct command command_selftest = {
     .name = "selftest",
     .summary = "check every kernel on this machine's device",
-    .about = "Runs every OpenCL kernel on the device and compares what it writes with a plain C reference: on random images "
-             "of odd sizes, on frames without any depth, at edges and limits. Prints a line per kernel and at the end "
-             "'N passed, N failed'; exits 1 when one failed.",
+    .about = "Runs every OpenCL kernel on the device and compares what it writes with a plain C reference: "
+             "on random images of odd sizes, on frames without any depth, at edges and limits. Prints a "
+             "line per kernel and at the end 'N passed, N failed'; exits 1 when one failed.",
     .groups = groups,
     .later = "--cache",
     .run = run};

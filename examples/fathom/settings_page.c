@@ -27,8 +27,8 @@ void settings_page_text(void) {
     printf("%-*s  %-*s  %-*s  %-*s  %s\n", name, "name", unit, "unit", range, "range", value, "default",
            "meaning");
     for (int i = 0; fathom_get_setting(i, &s) == FATHOM_OK; i++)
-        printf("%-*s  %-*s  %-*s  %-*s  %s\n", name, s.name, unit, or_dash(s.unit), range, s.range_text, value,
-               s.default_text, s.meaning);
+        printf("%-*s  %-*s  %-*s  %-*s  %s\n", name, s.name, unit, or_dash(s.unit), range, s.range_text,
+               value, s.default_text, s.meaning);
 }
 
 /* A bar would end the cell. */
@@ -40,14 +40,15 @@ void settings_page_markdown(void) {
     fathom_setting s = FATHOM_STRUCT(fathom_setting);
     const char *group = "";
     printf("# Settings\n\n"
-           "Every setting of `fathom_config`, written by `fathom info --settings --markdown` from the library's table. A "
-           "program sets\n"
-           "the field, or calls `fathom_config_set(&config, \"voxel_m\", \"0.02\")`; the commands take `--set "
-           "voxel_m=0.02`. Names carry their\n"
+           "Every setting of `fathom_config`, written by `fathom info --settings --markdown` from the "
+           "library's table. A program sets\n"
+           "the field, or calls `fathom_config_set(&config, \"voxel_m\", \"0.02\")`; the commands take "
+           "`--set voxel_m=0.02`. Names carry their\n"
            "unit; `min_` and `max_` are limits. A text's `default` is NULL.\n");
     for (int i = 0; fathom_get_setting(i, &s) == FATHOM_OK; i++) {
         if (strcmp(group, s.group) != 0)
-            printf("\n## %s\n\n| name | unit | range | default | meaning |\n|---|---|---|---|---|\n", s.group);
+            printf("\n## %s\n\n| name | unit | range | default | meaning |\n|---|---|---|---|---|\n",
+                   s.group);
         group = s.group;
         printf("| `%s` | %s | ", s.name, s.unit);
         print_cell(s.range_text);

@@ -1,6 +1,6 @@
-/* See camera_path.h. The swings are sums of sines whose frequencies have no common measure, so that no view
- * comes twice; hand tremor is a few tenths of a millimetre and of a tenth of a degree at 2 to 6 Hz, where
- * physiological tremor and the swing of the arm lie. */
+/* See camera_path.h. The swings are sums of sines whose frequencies have no common measure, so that no view repeats;
+ * hand tremor is a few tenths of a millimetre and of a tenth of a degree at 2 to 6 Hz, where physiological tremor and
+ * the swing of the arm lie. */
 #include "simulate/camera_path.h"
 
 #include <math.h>
@@ -9,7 +9,7 @@
 #include "simulate/counter_random.h"
 
 #define PI 3.14159265358979323846
-#define START_S 0.8       /* takes the camera from standing still to its pace */
+#define START_S 0.8       /* duration of the change from standing still to full pace */
 #define CORRIDOR_PACE 0.4 /* m/s */
 #define CORRIDOR_ENDS 1.3 /* metres kept from both ends */
 #define WALL_SECONDS 7.4  /* from one side of the bare wall to the other */
@@ -24,7 +24,7 @@ static double path_time(const struct camera_path *path, double t) {
     return START_S * u * u * u * u * u * (7.0 + u * (-14.0 + u * (10.0 - 2.5 * u)));
 }
 
-/* How much of the tremor there is: none while standing still. */
+/* Factor of the tremor: zero while standing still. */
 static double tremor_weight(const struct camera_path *path, double t) {
     const double u = (t - path->still_s) / START_S;
     if (u <= 0.0) return 0.0;
@@ -82,7 +82,7 @@ static void desk_view(const struct camera_path *p, double s, double r, struct vi
     v->roll = 0.12 * swing(p, 9, 1.01, r);
 }
 
-/* From one end of the corridor to the other, where it stays. */
+/* From one end of the corridor to the other, where it stops. */
 static void corridor_view(const struct camera_path *p, double s, double r, struct view *v) {
     const double way = p->length - 2.0 * CORRIDOR_ENDS, pace = CORRIDOR_PACE;
     /* Stops softly: way - soft log(1 + exp((way - walked) / soft)) is smooth and stays below way. */
@@ -245,7 +245,7 @@ void camera_path_acceleration(const struct camera_path *path, double t, const do
 /* ---- Rotations ---- */
 
 void quaternion_of(const double m[9], double q[4]) {
-    /* The largest of the four squares is divided by, so that nothing is lost near half turns. */
+    /* Divides by the largest of the four squares, for precision near half turns. */
     const double squares[4] = {1 + m[0] - m[4] - m[8], 1 - m[0] + m[4] - m[8], 1 - m[0] - m[4] + m[8],
                                1 + m[0] + m[4] + m[8]};
     int largest = 0;

@@ -1,4 +1,4 @@
-/* The way of the simulated camera: smooth functions of time, or a measured trajectory read from a file. */
+/* The trajectory of the simulated camera: smooth functions of time, or a measured trajectory from a file. */
 #ifndef FATHOM_CAMERA_PATH_H
 #define FATHOM_CAMERA_PATH_H
 
@@ -42,7 +42,7 @@ void camera_path_rate(const struct camera_path *path, double t, double rate[3]);
 void camera_path_acceleration(const struct camera_path *path, double t, const double lever[3],
                               double acceleration[3]);
 
-/* Seconds until the path has gone to the scene's other end (corridor, wall). */
+/* Seconds until the path reaches the scene's other end (corridor, wall). */
 double camera_path_seconds(const struct camera_path *path);
 
 /* Quaternion x y z w of a rotation matrix, w >= 0. */

@@ -15,7 +15,7 @@ static int fail(char *error, size_t error_size, const char *file, long line, con
     return -1;
 }
 
-/* The line's pose into *sample: what is wrong with it, or NULL. */
+/* Reads the line's pose into *sample; returns its fault, or NULL. */
 static const char *parse(const char *text, const struct path_sample *before, struct path_sample *sample) {
     double v[8], norm = 0.0, cosine = 0.0;
     if (sscanf(text, "%lf %lf %lf %lf %lf %lf %lf %lf", &v[0], &v[1], &v[2], &v[3], &v[4], &v[5], &v[6],

@@ -11,10 +11,9 @@
 
 static const struct imu_grade grades[] = {
     {.name = "ideal", .part = "no noise, no bias, no steps"},
-    /* Bosch BMI270, data sheet BST-BMI270-DS000: noise density 0.007 dps/sqrt(Hz) and 160 ug/sqrt(Hz),
-     * zero-rate offset 0.5 dps (typical values, which Bosch gives as one sigma), 16 bits over 2000 dps and 8
-     * g. The zero-g offset is taken as 20 mg. The sheet is silent about random walk; those two are what parts
-     * of this class show in Allan plots. */
+    /* Bosch BMI270, data sheet BST-BMI270-DS000: noise density 0.007 dps/sqrt(Hz) and 160 ug/sqrt(Hz), zero-rate offset
+     * 0.5 dps (typical values, which Bosch gives as one sigma), 16 bits over 2000 dps and 8 g. The zero-g offset is
+     * taken as 20 mg. The sheet has no random walk; those two are typical of Allan plots of this class of parts. */
     {.name = "consumer",
      .part = "Bosch BMI270",
      .gyro_noise = 0.007 * RADIANS,
@@ -74,7 +73,7 @@ void imu_model_next(struct imu_model *model, const struct camera_path *path, str
     const struct imu_grade *g = &model->grade;
     const double white = sqrt(model->rate), walk = sqrt(1.0 / model->rate);
     const uint64_t counter = 12 * model->next;
-    /* The path is asked at the very time that the rounded stamp says. */
+    /* The path is evaluated at the rounded stamp's time. */
     sample->stamp = round(1e6 * ((double)model->next / model->rate - model->mounting.clock_offset)) * 1e-6;
     const double t = sample->stamp + model->mounting.clock_offset;
 

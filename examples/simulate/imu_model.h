@@ -13,15 +13,14 @@ struct imu_grade {
     double gyro_noise, accel_noise; /* rad/s/sqrt(Hz), m/s^2/sqrt(Hz) */
     double gyro_bias, accel_bias;   /* rad/s, m/s^2: standard deviation of the constant bias of each axis */
     double gyro_walk, accel_walk;   /* rad/s/sqrt(s), m/s^2/sqrt(s): the bias's random walk */
-    double gyro_step, accel_step;   /* rad/s, m/s^2 a count */
-    double gyro_range, accel_range; /* rad/s, m/s^2: it saturates there */
+    double gyro_step, accel_step;   /* rad/s, m/s^2 per count */
+    double gyro_range, accel_range; /* rad/s, m/s^2: the limit of saturation */
 };
 
-/* "ideal", "consumer" (a Bosch BMI270) or "phone" (an older phone's part); NULL when there is none of that
- * name. */
+/* "ideal", "consumer" (a Bosch BMI270) or "phone" (an older phone's part); NULL: no grade has that name. */
 const struct imu_grade *imu_grade_of(const char *name);
 
-/* How the IMU sits on the camera, in the words of rig.txt. */
+/* The IMU's mounting, in the terms of rig.txt. */
 struct imu_mounting {
     double rotation_deg[3]; /* rotation vector: v_camera = R v_imu */
     double translation[3];  /* metres, the IMU's origin in camera axes */
@@ -31,9 +30,9 @@ struct imu_mounting {
 struct imu_model {
     struct imu_grade grade;
     struct imu_mounting mounting;
-    double rate; /* samples a second */
+    double rate; /* samples per second */
     double rotation[9];
-    double gyro_bias[3], accel_bias[3]; /* as they stand, walking */
+    double gyro_bias[3], accel_bias[3]; /* the present biases, a random walk */
     uint64_t key, next;
 };
 

@@ -1,16 +1,16 @@
 /* Ray marching of the scenes' signed distances, made fast by two facts.
  *
- * A tile of pixels sees few solids. A cone about the tile's rays is marched first (cone marching, after
- * Fulcrum 2012), in three sizes of tile: it gives the free distance before the tile and the solids that the
- * cone meets at all. A ray in the cone can hit no other solid, so the others needn't be asked.
+ * A tile of pixels sees few solids. A cone about the tile's rays is marched first (cone marching, after Fulcrum 2012),
+ * in three sizes of tile: it gives the free distance before the tile and the solids that the cone meets at all. A ray
+ * in the cone can hit no other solid, so the others needn't be tested.
  *
- * The solids are convex, hence the distance f along a ray is a convex function, and the secant through two
- * points before the first zero never passes it: z + f / -slope is a step as safe as sphere tracing's (Hart
- * 1996) f / |d|, and converges superlinearly even at grazing angles. A secant that no longer falls proves a
- * miss. So each solid is marched by itself, and the closed box around everything is left in closed form.
+ * The solids are convex, hence the distance f along a ray is a convex function, and the secant through two points
+ * before the first zero never passes it: z + f / -slope is a step as safe as sphere tracing's (Hart 1996) f / |d|, and
+ * converges superlinearly even at grazing angles. A secant that no longer falls proves a miss. So each solid is marched
+ * by itself, and the closed box around everything is left in closed form.
  *
- * Under a rolling shutter every row has a pose of its own. The rays of a tile then start at several points and
- * turn with their rows: its cone is widened by both, and still holds them. */
+ * Under a rolling shutter every row has a pose of its own. The rays of a tile then start at several points and turn
+ * with their rows: its cone is widened by both, and still holds them. */
 #include "simulate/render.h"
 
 #include <math.h>
@@ -23,7 +23,7 @@
 #define LEVELS 3
 static const int tile_sizes[LEVELS] = {64, 16, 8};
 
-/* A solid seen from the frame's eye. */
+/* A solid, relative to the frame's eye. */
 struct seen_solid {
     const struct solid *solid;
     double origin[3]; /* the eye in the solid's axes */
@@ -35,7 +35,7 @@ struct frame {
     const struct render_camera *camera;
     const struct camera_pose *rows; /* one for each row, or one for all: row_step 0 */
     int row_step;
-    const double *eye; /* the middle row's position; the others' are told from it */
+    const double *eye; /* the middle row's position, to which the others are relative */
     double far_m;
     float *depth, *cosine;
     struct seen_solid *solids;
@@ -49,7 +49,7 @@ struct cone {
     double axis[3]; /* unit */
     double spread;  /* tangent of the half angle */
     double slack;   /* the rays' origins lie this near to the eye */
-    double reach;   /* along the axis, where the farthest of interest lies */
+    double reach;   /* along the axis, to the farthest point of interest */
 };
 
 struct worker {
@@ -237,7 +237,7 @@ static int march_cone(const struct frame *frame, const struct cone *cone, double
             const double distance = along_ray(&ray, middle);
             blocked |= distance < -ball;
             if (distance <= ball && i >= kept) {
-                const int swap = list[kept]; /* asked already in this round, or the same one */
+                const int swap = list[kept]; /* already tested in this round, or the same one */
                 list[kept++] = list[i];
                 list[i] = swap;
             }
@@ -341,7 +341,7 @@ static bool render(const struct scene *scene, const struct render_camera *camera
         whole = make_lists(&workers[i], frame.count);
     }
     if (whole) {
-        /* A thread that can't be had is no failure: this one does the work in any case. */
+        /* A thread that can't be created is no failure: this one does the work. */
         for (int i = 1; i < threads; i++)
             workers[i].started = !pthread_create(&workers[i].thread, NULL, work, &workers[i]);
         work(&workers[0]);

@@ -100,7 +100,7 @@ static size_t first_from(const struct scene *scene, double x) {
 double scene_distance(const struct scene *scene, double x, double y, double z) {
     const double p[3] = {x, y, z};
     double best = room_distance(scene, p);
-    /* Only solids within `best` along x can be nearer: what keeps a long corridor cheap. */
+    /* Only solids within `best` along x can be nearer, which keeps a long corridor cheap. */
     for (size_t i = first_from(scene, x - positive(best) - scene->widest); i < scene->count; i++) {
         const struct solid *s = &scene->solids[i];
         if (s->low_x > x + positive(best)) break;

@@ -44,8 +44,8 @@ struct scene {
 bool scene_kind_of(const char *name, enum scene_kind *kind);
 const char *scene_name(enum scene_kind kind);
 
-/* Builds a scene. The seed moves and sizes its furniture; length (metres, 4 at least) is the corridor's and
- * else ignored. False when out of memory. scene_free releases it. */
+/* Builds a scene. The seed moves and sizes its furniture; length (metres, minimum 4) is the corridor's, ignored for
+ * other scenes. False when out of memory. scene_free releases it. */
 bool scene_make(struct scene *scene, enum scene_kind kind, uint64_t seed, double length);
 void scene_free(struct scene *scene);
 
@@ -60,7 +60,7 @@ void scene_normal(const struct scene *scene, double x, double y, double z, doubl
 /* Distance from a point in the solid's own axes to the solid. */
 double solid_distance(const struct solid *solid, double x, double y, double z);
 
-/* For the builders (scene_*.c): all adding, none failing visibly (scene->failed says so afterwards). */
+/* For the builders (scene_*.c): each adds a solid; a failure only sets scene->failed. */
 enum { AXIS_X, AXIS_Y, AXIS_Z };
 void scene_box(struct scene *scene, double x, double y, double z, double size_x, double size_y, double size_z,
                double yaw, double round);

@@ -5,11 +5,11 @@
 
 /* ---- A long bare wall, furnished left and right of it ---- */
 
-/* Things on and before the wall at y = SCENE_WALL_Y, from x = from outwards (side +1 or -1). */
+/* Objects on and in front of the wall at y = SCENE_WALL_Y, from x = from outwards (side +1 or -1). */
 static void wall_side(struct scene *s, int side, uint64_t place) {
     const double from = SCENE_WALL_BARE, y = SCENE_WALL_Y;
     uint64_t draw = 0;
-    /* A pilaster marks the end of what is bare, then a rack of boards with things on them. */
+    /* A pilaster marks the end of the bare part, then a rack of boards with objects on them. */
     scene_box(s, side * (from + 0.1), y - 0.05, 1.3, 0.2, 0.22, 2.6, 0, 0.008);
     scene_box(s, side * (from + 0.1), y - 0.08, 1.6, 0.26, 0.24, 0.07, 0, 0.008);
     scene_cylinder(s, side * (from + 0.32), y - 0.06, 1.3, 0.05, 2.6, AXIS_Z, 0);

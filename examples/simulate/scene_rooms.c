@@ -1,5 +1,4 @@
-/* The furniture of the scenes `room` and `desk`. Which sizes and places vary with the seed is all in
- * scene_random. */
+/* The furniture of the scenes `room` and `desk`. Sizes and positions that vary with the seed come from scene_random. */
 #include "simulate/scene.h"
 
 #include <math.h>
@@ -292,7 +291,7 @@ void scene_furnish_desk(struct scene *s) {
     const double top = 0.75;
     table(s, 0.0, 0.0, 1.6, 0.9, top, 0.06);
     desk_things(s, top);
-    /* What stands behind, for the rays that pass over the desk. */
+    /* The background, for the rays that pass over the desk. */
     bookcase(s, -2.0, 0.3, -1.2, 0.9, 1.9, 64);
     picture(s, AXIS_X, -0.55, 1.3, 1.5, 0.6, 0.45);
     picture(s, AXIS_X, 0.6, 1.3, 1.45, 0.45, 0.6);

@@ -1,4 +1,4 @@
-/* What a structured-light depth camera (Kinect) makes of true depth. */
+/* The errors of a structured-light depth camera (Kinect). */
 #ifndef FATHOM_SENSOR_NOISE_H
 #define FATHOM_SENSOR_NOISE_H
 
@@ -13,13 +13,13 @@ double sensor_axial_sigma(double z);
  * projector to camera. */
 #define SENSOR_DISPARITY_PX_M 43.875
 
-/* Which pixels the projector lights: 1, or 0 for those in the shadow of something nearer. depth and scale as
- * for sensor_measure. */
+/* Whether the projector lights each pixel: 1, or 0 in the shadow of a nearer surface. depth and scale as for
+ * sensor_measure. */
 void sensor_lit(const float *depth, int width, int height, double scale, uint8_t *lit);
 
-/* Turns true depth (metres, 0 where there is none) into measured depth, in place. cosine: of the angle
- * between ray and normal, as render_depth gives it. scale: pixels of this picture to those of the 640x480
- * sensor (width / 640). The result depends on seed, frame and the input only. False when out of memory. */
+/* Turns true depth (metres, 0 where there is none) into measured depth, in place. cosine: of the angle between ray and
+ * normal, as render_depth gives it. scale: pixels of this image per pixel of the 640x480 sensor (width / 640). The
+ * result depends on seed, frame and the input only. False when out of memory. */
 bool sensor_measure(float *depth, const float *cosine, int width, int height, double scale, uint64_t seed,
                     uint64_t frame);
 

@@ -36,7 +36,8 @@ struct run {
 /* A 640x480 Kinect's, scaled; a pixel's centre has whole coordinates, so its edges lie at halves. */
 static struct render_camera camera_of(struct option_size size) {
     const double x = size.width / 640.0, y = size.height / 480.0;
-    return (struct render_camera){size.width, size.height, 585.0 * x, 585.0 * y, 320.5 * x - 0.5, 240.5 * y - 0.5};
+    const double cx = 320.5 * x - 0.5, cy = 240.5 * y - 0.5;
+    return (struct render_camera){size.width, size.height, 585.0 * x, 585.0 * y, cx, cy};
 }
 
 static double frame_time(const struct run *run, long frame) {
@@ -202,13 +203,15 @@ static int write_rest(struct run *run) {
     const struct simulate_options *o = run->options;
     const struct render_camera *c = &run->camera;
     const struct imu_mounting *m = &o->mounting;
-    fathom_sink_rig rig = {.struct_size = sizeof rig,
-                           .has_imu = !o->motion,
-                           .camera = {.width = c->width, .height = c->height, .fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy},
-                           .depth_units_per_metre = DEPTH_SCALE,
-                           .imu_clock_offset_ns = to_ns(m->clock_offset),
-                           .gravity = STANDARD_GRAVITY,
-                           .lines_of = o->motion};
+    fathom_sink_rig rig = {
+        .struct_size = sizeof rig,
+        .has_imu = !o->motion,
+        .camera =
+            {.width = c->width, .height = c->height, .fx = c->fx, .fy = c->fy, .cx = c->cx, .cy = c->cy},
+        .depth_units_per_metre = DEPTH_SCALE,
+        .imu_clock_offset_ns = to_ns(m->clock_offset),
+        .gravity = STANDARD_GRAVITY,
+        .lines_of = o->motion};
     memcpy(rig.imu_to_camera_rotation_deg, m->rotation_deg, sizeof m->rotation_deg);
     memcpy(rig.imu_to_camera_translation_m, m->translation, sizeof m->translation);
     int result = fathom_sink_write_rig(run->sink, &rig);
@@ -219,7 +222,8 @@ static int write_rest(struct run *run) {
 /* depth.txt of a simulation says so in its first line; one that is in the way may go. */
 static bool was_simulated(const char *folder) {
     char path[4096], line[256] = "";
-    FILE *file = snprintf(path, sizeof path, "%s/depth.txt", folder) < (int)sizeof path ? fopen(path, "r") : NULL;
+    FILE *file =
+        snprintf(path, sizeof path, "%s/depth.txt", folder) < (int)sizeof path ? fopen(path, "r") : NULL;
     if (!file) return false;
     const bool read = fgets(line, sizeof line, file) != NULL;
     fclose(file);
@@ -270,8 +274,8 @@ static void make_header(struct run *run, int argc, char **argv) {
     for (char *c = run->header; *c; c++)
         if (*c == '\n' || *c == '\r') *c = ' ';
     used = strlen(run->header);
-    snprintf(run->header + used, sizeof run->header - used, " (scene %s, seed %ld%s)", scene_name(run->options->kind),
-             run->options->seed, run->options->clean ? ", clean" : "");
+    snprintf(run->header + used, sizeof run->header - used, " (scene %s, seed %ld%s)",
+             scene_name(run->options->kind), run->options->seed, run->options->clean ? ", clean" : "");
     used = strlen(run->header);
     if (!run->options->motion)
         snprintf(run->header + used, sizeof run->header - used, "\nIMU: %s (%s), %g samples a second",
@@ -299,10 +303,11 @@ static int simulate(const struct command *command, int argc, char **argv) {
 const struct command command_simulate = {
     .name = "simulate",
     .summary = "render a scene into a recording, with its ground truth",
-    .about = "Renders a scene into a recording FOLDER: depth, IMU samples, calibration and ground truth. SCENE: room "
-             "(furnished and closed), wall (two seconds of the way see nothing but bare wall), desk (a desk top, half a "
-             "metre to 1.2 m away), corridor (of any length)",
-    .words = {{"scene", offsetof(struct simulate_options, scene)}, {"folder", offsetof(struct simulate_options, folder)}},
+    .about = "Renders a scene into a recording FOLDER: depth, IMU samples, calibration and ground truth. "
+             "SCENE: room (furnished and closed), wall (two seconds of the way see nothing but bare wall), "
+             "desk (a desk top, half a metre to 1.2 m away), corridor (of any length)",
+    .words = {{"scene", offsetof(struct simulate_options, scene)},
+              {"folder", offsetof(struct simulate_options, folder)}},
     .groups = simulate_groups,
     .later = "--sensor --imu-error --texture",
     .output = "The last line on stdout is: frames=N path_m=X turned_deg=X folder=FOLDER",

@@ -32,21 +32,24 @@ static const struct option_row scene[] = {
     {"--motion", "FOLDER", OPTION_TEXT, AT(motion),
      .help = "along FOLDER's groundtruth.txt; copies its imu.txt and rig.txt"},
     {"--frames", "N", OPTION_WHOLE, AT(frames), 1, SIMULATE_MOST_FRAMES,
-     .help = "default: room 300, wall 240, desk 200, corridor by its length, with --motion as long as it lasts"},
+     .help =
+         "default: room 300, wall 240, desk 200, corridor by its length, with --motion as long as it lasts"},
     {"--speed", "F", OPTION_NUMBER, AT(speed), 0.01, 20.0,
      .help = "times the usual pace of 0.3 to 0.5 m/s and 25 deg/s (default 1)"},
-    {"--turn", "F", OPTION_NUMBER, AT(turn), 0.0, 40.0, .help = "times the usual rate of turning (default: as --speed)"},
+    {"--turn", "F", OPTION_NUMBER, AT(turn), 0.0, 40.0,
+     .help = "times the usual rate of turning (default: as --speed)"},
     {"--still", "S", OPTION_NUMBER, AT(still), 0.0, 3600.0,
      .help = "seconds of standing still at the start (default 0.5)"},
     {0}};
 
 static const struct option_row camera[] = {
-    {"--clean", NULL, OPTION_FLAG, AT(clean), .help = "no sensor noise; an ideal IMU unless --imu-grade is given"},
+    {"--clean", NULL, OPTION_FLAG, AT(clean),
+     .help = "no sensor noise; an ideal IMU unless --imu-grade is given"},
     {"--size", "WxH", OPTION_SIZE, AT(size), 16, 4096, .help = "default 640x480"},
     {"--blur", NULL, OPTION_FLAG, AT(blur),
-     .help = "what motion does while a depth picture is taken: a pixel reads the mean of what passes over it, nothing "
-             "where an edge does, and rows are taken one after another; a stamp is the middle of the middle row's "
-             "exposure"},
+     .help = "what motion does while a depth picture is taken: a pixel reads the mean of what passes over "
+             "it, nothing where an edge does, and rows are taken one after another; a stamp is the middle "
+             "of the middle row's exposure"},
     {"--exposure", "S", OPTION_NUMBER, AT(exposure.exposure_s), 0.0, 0.033,
      .help = "how long a row is exposed, with --blur (default 0.008; 0 to 0.033)"},
     {"--rolling", "S", OPTION_NUMBER, AT(exposure.rolling_s), 0.0, 0.033,
@@ -56,7 +59,8 @@ static const struct option_row camera[] = {
 static const struct option_row imu[] = {
     {"--imu-grade", "consumer|phone|ideal", OPTION_PARSED, .parse = set_grade,
      .help = "consumer is a Bosch BMI270 (default)"},
-    {"--imu-rate", "HZ", OPTION_NUMBER, AT(imu_rate), 10.0, 8000.0, .help = "samples per second (default 200)"},
+    {"--imu-rate", "HZ", OPTION_NUMBER, AT(imu_rate), 10.0, 8000.0,
+     .help = "samples per second (default 200)"},
     {"--imu-rotation", "X,Y,Z", OPTION_PARSED, .parse = set_rotation,
      .help = "mounting, rotation vector in degrees, v_camera = R v_imu (default 0.8,-1.2,90)"},
     {"--imu-translation", "X,Y,Z", OPTION_PARSED, .parse = set_translation,
@@ -72,8 +76,11 @@ static const struct option_row run[] = {
     {"--progress", NULL, OPTION_FLAG, AT(progress), .help = "shows progress even when stderr is no terminal"},
     {0}};
 
-const struct option_group simulate_groups[] = {
-    {"Scene and path", scene, 0}, {"Depth camera", camera, 0}, {"Inertial sensor", imu, 0}, {"Run", run, 0}, {0}};
+const struct option_group simulate_groups[] = {{"Scene and path", scene, 0},
+                                               {"Depth camera", camera, 0},
+                                               {"Inertial sensor", imu, 0},
+                                               {"Run", run, 0},
+                                               {0}};
 
 int simulate_options_read(struct simulate_options *o, const struct command *command, int argc, char **argv) {
     *o = (struct simulate_options){
@@ -91,7 +98,8 @@ int simulate_options_read(struct simulate_options *o, const struct command *comm
     const int status = options_read(command, o, argc, argv);
     if (status) return status;
     if (!scene_kind_of(o->scene, &o->kind))
-        return cli_error(CLI_USAGE, "simulate: no scene '%s'; there are room, wall, desk, corridor", o->scene);
+        return cli_error(CLI_USAGE, "simulate: no scene '%s'; there are room, wall, desk, corridor",
+                         o->scene);
     if (o->turn < 0.0) o->turn = o->speed;
     if (!o->blur && (o->exposure.exposure_s >= 0.0 || o->exposure.rolling_s >= 0.0))
         return cli_error(CLI_USAGE, "simulate: --exposure and --rolling go with --blur");

@@ -24,7 +24,8 @@ struct simulate_options {
 
 extern const struct option_group simulate_groups[];
 
-/* As options_read, from the defaults on; and checks what must go together. */
-int simulate_options_read(struct simulate_options *options, const struct command *command, int argc, char **argv);
+/* As options_read, from the defaults on; also checks that options agree with each other. */
+int simulate_options_read(struct simulate_options *options, const struct command *command, int argc,
+                          char **argv);
 
 #endif

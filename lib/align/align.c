@@ -5,8 +5,8 @@
 
 #include "base/covariance.h"
 
-/* Neighbouring pixels share their noise (smoothing, correlated disparities), and the model isn't exact: so many pairs
- * count as one in the covariance. */
+/* Neighbouring pixels share their noise (smoothing, correlated disparities), and the model isn't exact: this number of
+ * pairs counts as one in the covariance. */
 #define CORRELATED_PAIRS 50.0
 
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps) {
@@ -21,8 +21,8 @@ void aligner_close(aligner *a) {
     device_buffer_free(&a->sums);
 }
 
-/* Of a start's position: no pairs are looked for beyond three of it, for rays cost by their length. With 0.05 a wrong pose passed
- * (tests/unit/tracking/test_faults.c): what doesn't fit has to show. */
+/* Maximum sigma of a start's position: pairs are searched within three of it, since the cost of rays is proportional to
+ * their length. With 0.05 a wrong pose passed (tests/unit/tracking/test_faults.c): misfits must be visible. */
 #define MOST_SIGMA_M 0.2
 
 /* Pairs further apart than this are rejected; twice as far at each coarser level. */
@@ -54,11 +54,11 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
     device_unmap(d, &a->sums, sums);
 }
 
-void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS], const pose *start,
-           const align_prior *known, const int budget[FATHOM_LEVELS], alignment *result) {
+void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS],
+           const pose *start, const align_prior *known, const int budget[FATHOM_LEVELS], alignment *result) {
     const fathom_config *c = a->config;
     const double sigma = covariance_position_sigma(known->covariance);
-    double centre[3] = {0, 0, 1.5}; /* about where the pairs are; then their centroid */
+    double centre[3] = {0, 0, 1.5}; /* near the pairs; later their centroid */
     memset(result, 0, sizeof *result);
     result->motion = *start;
     result->condition = INFINITY;
@@ -88,7 +88,7 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             pose_normalise(&result->motion);
             double error = s.residual / e.weight;
             result->rms = sqrt(error);
-            if (!held) { /* variance of a pair of weight 1, from what is left over */
+            if (!held) { /* variance of a pair of weight 1, from the residual */
                 double variance = s.residual / fmax(e.pairs - 6, 1) * CORRELATED_PAIRS;
                 for (int k = 0; k < 36; k++) s.covariance[k] *= variance;
             }

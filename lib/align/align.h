@@ -7,12 +7,12 @@
 #include "align/solve.h"
 
 typedef struct {
-    device_buffer sums; /* SUMS floats a row of the finest level */
+    device_buffer sums; /* SUMS floats per row of the finest level */
     cl_kernel reduce;
     const fathom_config *config;
 } aligner;
 
-/* What an alignment found. Motions map the scan's camera to the model's camera. */
+/* The result of an alignment. Motions map the scan's camera to the model's camera. */
 typedef struct {
     pose motion;
     int iterations;
@@ -21,27 +21,27 @@ typedef struct {
     double weight, rms;
     double singular[6], condition;
     double covariance[36]; /* of motion, in the scan camera's axes: motion * exp(error) */
-    double information
-        [36];       /* the same from the pairs alone, inverted: directions that they leave free have none */
-    double pull[6]; /* that information times the way from motion to where the pairs alone want it */
+    double information[36]; /* inverse covariance from the pairs alone: zero in directions that they leave free */
+    double pull[6];         /* that information times the twist from motion to the optimum of the pairs alone */
 } alignment;
 
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);
 void aligner_close(aligner *a);
 
-/* Section 2: one reduction over all pixels of a level at a motion, against a model map of any camera. Waits for the device.
- * distance: of a pair at most; huber_m: residual from which its weight falls; centre: see normal_equations. */
+/* Section 2: one reduction over all pixels of a level at a motion, against a model map of any camera. Waits for the
+ * device. distance: maximum of a pair; huber_m: residual beyond which its weight falls; centre: see
+ * normal_equations. */
 void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose *motion,
                   const device_buffer *model, const kernel_camera *model_camera, double distance,
                   double huber_m, const double centre[3], normal_equations *e);
 
-/* How far from the scan a model point may lie and still pair with it, from the coarsest level on. */
+/* Maximum distance of a model point from a scan point that it pairs with, from the coarsest level on. */
 float align_reach(const aligner *a, int coarsest, double position_sigma_m);
 
-/* Aligns from `start` on, with at most budget[level] iterations at each level, with the model maps of each level. The prior's
- * position sigma widens the pair distance; its information enters the solve with FATHOM_PRIOR_INFORMATION. Waits for the
- * device at each iteration. */
-void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS], const pose *start,
-           const align_prior *prior, const int budget[FATHOM_LEVELS], alignment *result);
+/* Aligns from `start` on, with a maximum of budget[level] iterations at each level and the model maps of that level.
+ * The prior's position sigma widens the pair distance; its information enters the solve with FATHOM_PRIOR_INFORMATION.
+ * Waits for the device at each iteration. */
+void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS],
+           const pose *start, const align_prior *prior, const int budget[FATHOM_LEVELS], alignment *result);
 
 #endif

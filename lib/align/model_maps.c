@@ -2,10 +2,12 @@
 
 #include <string.h>
 
-#define PAIRS_LEFT 0.9      /* of the pairs that maps had when they were new */
-#define CONDITION_PART 0.5 /* of max_condition: beyond, pairs at the rim decide, and those change first */
+#define PAIRS_LEFT 0.9      /* fraction of the pairs that new maps had */
+/* fraction of max_condition: beyond it the pose depends on pairs at the rim, which change first */
+#define CONDITION_PART 0.5
 
-void model_maps_init(model_maps *m, device *d, arena *a, const fathom_config *config, const depth_maps *maps) {
+void model_maps_init(model_maps *m, device *d, arena *a, const fathom_config *config,
+                     const depth_maps *maps) {
     memset(m, 0, sizeof *m);
     m->config = config;
     for (int i = 0; i < FATHOM_LEVELS; i++) {
@@ -45,5 +47,6 @@ void model_maps_take_frame(model_maps *m, device *d, depth_maps *maps, const pos
 void model_maps_used(model_maps *m, int pairs, double condition) {
     if (m->fresh) m->pairs = pairs;
     m->fresh = false;
-    if (pairs < PAIRS_LEFT * m->pairs || condition > CONDITION_PART * m->config->max_condition) model_maps_forget(m);
+    if (pairs < PAIRS_LEFT * m->pairs || condition > CONDITION_PART * m->config->max_condition)
+        model_maps_forget(m);
 }

@@ -3,8 +3,8 @@
 #include <Eigen/Dense>
 #include <cmath>
 
-/* A direction that the normals' noise tells nearly as much of as the pairs do drags the pose along: this many times the noise
- * halves what it says. */
+/* A direction in which the normals' noise contributes nearly as much as the pairs makes the pose drift: information of
+ * this many times the noise is halved. */
 #define SHYNESS 30.0
 
 using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
@@ -79,7 +79,7 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
     s->residual = std::max(e->btb - 2 * y.dot(g) + y.dot(h * y), 0.0);
 
     if (prior && e->pairs > 6) {
-        /* a pair's variance from what is left over; 10 um at least, for scans without noise */
+        /* a pair's variance from the residual; minimum sigma 10 um, for scans without noise */
         double variance = std::max(s->residual / (e->pairs - 6), 1e-10) * prior->correlated;
         double noise = largest / (prior->max_condition * prior->max_condition);
         Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;

@@ -1,4 +1,4 @@
-/* The 6x6 system of Section 2: A x = b in the least squares sense from its sums, with the figures that judge it. */
+/* The 6x6 system of Section 2: A x = b in the least squares sense from its sums, with the figures to judge it by. */
 #ifndef FATHOM_SOLVE_H
 #define FATHOM_SOLVE_H
 
@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-/* Sums over the kept pairs; see opencl/align.cl. Rotations and points count from `centre`. */
+/* Sums over the kept pairs; see opencl/align.cl. Rotations and points are relative to `centre`. */
 typedef struct {
     double ata[36];       /* A^T A, row-major: rotation, then translation */
     double atb[6];        /* A^T b */
@@ -26,33 +26,31 @@ typedef struct {
     double residual;    /* r = ||A x - b||^2 of the linear model after the update */
     double singular[6]; /* of A centred on the pairs and scaled by their spread, largest first */
     double condition;   /* kappa(A) = largest / smallest; INFINITY when the smallest is 0 */
-    double covariance
-        [36]; /* (A^T A)^-1 of twist for unit variance of a pair of weight 1; directions that the pairs
-                              leave free get a large, finite variance */
-    double information
-        [36]; /* of twist, from the pairs alone, in true units, without the share that noise makes; zero
-                               where no prior was given */
-    double pull
-        [6]; /* that information times what the pairs alone would add to twist: where the prior holds against them */
+    /* (A^T A)^-1 of twist for unit variance of a pair of weight 1; directions that the pairs leave free get a large,
+     * finite variance */
+    double covariance[36];
+    /* of twist, from the pairs alone, in true units, without the share due to noise; zero without a prior */
+    double information[36];
+    double pull[6]; /* that information times the correction of twist that the pairs alone would add to the solution */
 } solution;
 
 /* Adds one strip's sums, as the kernel wrote them, in double precision. */
 void normal_equations_add(normal_equations *e, const float *sums);
 
-/* What inertia says of the twist: mean and information (inverse covariance). */
+/* The inertial prior of the twist: mean and information (inverse covariance). */
 typedef struct {
     double mean[6];
     double information[36]; /* row-major */
-    double
-        max_condition; /* directions of A with a singular value below largest / max_condition tell nothing: on a bare
-                               wall that much comes from the noise of the normals alone */
-    double correlated; /* so many pairs count as one beside the prior */
+    /* directions of A with a singular value below largest / max_condition carry no information: on a bare wall that
+     * much comes from the noise of the normals alone */
+    double max_condition;
+    double correlated; /* number of pairs that count as one independent measurement beside the prior */
 } solve_prior;
 
 /* Solves by singular value decomposition. Without a prior (NULL), directions whose singular value is below 1e-6 of the
- * largest are left alone (minimum norm). With one, its information is added to the pairs', from which the share that
- * noise makes is taken off first, so that what geometry leaves free is held by inertia; covariance is then the joint one,
- * in true units. False when there is nothing to solve: no pairs, or sums that aren't finite. */
+ * largest are left alone (minimum norm). With one, its information is added to the pairs', from which the share due to
+ * noise is subtracted first, so that inertia holds the directions that geometry leaves free; covariance is then the
+ * joint one, in true units. False when there is nothing to solve: no pairs, or sums that aren't finite. */
 bool solve_alignment(const normal_equations *e, const solve_prior *prior, solution *s);
 
 #ifdef __cplusplus

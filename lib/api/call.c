@@ -4,12 +4,12 @@
 
 int call_begin(fathom *f) {
     if (!f) return FATHOM_ERROR_ARGUMENT;
-    if (f->device.error != FATHOM_OK) return FATHOM_ERROR_DEVICE; /* the text stays that of its death */
+    if (f->device.error != FATHOM_OK) return FATHOM_ERROR_DEVICE; /* the text of the fatal failure stays */
     f->error.kept = false;
     return FATHOM_OK;
 }
 
-/* What every step says from now on. */
+/* The result of every step from now on. */
 static void say_lost(fathom_result *r) {
     r->state = FATHOM_LOST;
     r->verdict = FATHOM_VERDICT_DEVICE;
@@ -35,7 +35,8 @@ size_t call_struct(fathom *f, const void *callers, const char *name) {
 int call_take(fathom *f, void *whole, size_t size, const void *callers, const char *name) {
     if (call_struct(f, callers, name) == 0) return FATHOM_ERROR_ARGUMENT;
     if (sized_in(whole, size, callers)) return FATHOM_OK;
-    return call_refuse(f, "%s is longer than this library's, and the rest isn't zero: fields of a later version", name);
+    return call_refuse(
+        f, "%s is longer than this library's, and the rest isn't zero: fields of a later version", name);
 }
 
 const char *fathom_last_error(const fathom *f) {

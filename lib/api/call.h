@@ -7,7 +7,7 @@
 /* FATHOM_OK; FATHOM_ERROR_ARGUMENT for NULL; FATHOM_ERROR_DEVICE when the context is dead. */
 int call_begin(fathom *f);
 
-/* What OpenCL says of the call; an error makes the context dead. */
+/* Returns OpenCL's first error in this call; an error makes the context dead. */
 int call_end(fathom *f);
 
 /* Keeps and logs the text; returns FATHOM_ERROR_ARGUMENT. */

@@ -10,8 +10,9 @@ static int check_size_and_stamp(fathom *f, const fathom_depth_frame *frame) {
     const fathom_pinhole *c = &f->config.depth_camera;
     error_text *r = &f->error;
     if (frame->width != c->width || frame->height != c->height)
-        return error_text_fail(r, FATHOM_ERROR_SIZE, FATHOM_LOG_WARNING, "a frame of %dx%d was ignored: the settings say %dx%d",
-                           frame->width, frame->height, c->width, c->height);
+        return error_text_fail(r, FATHOM_ERROR_SIZE, FATHOM_LOG_WARNING,
+                               "a frame of %dx%d was ignored: the settings say %dx%d", frame->width,
+                               frame->height, c->width, c->height);
     if (!stamp_valid(frame->timestamp_ns))
         return error_text_fail(r, FATHOM_ERROR_TIME, FATHOM_LOG_WARNING,
                            "a frame stamped %lld ns was ignored: more than 126 years from zero",
@@ -23,7 +24,7 @@ static int check_size_and_stamp(fathom *f, const fathom_depth_frame *frame) {
     return FATHOM_OK;
 }
 
-/* The smallest stride of a row; 0 for a compressed image, -1 for a format that there isn't. */
+/* The smallest stride of a row; 0 for a compressed image, -1 for an unknown format. */
 static int64_t tight_stride(const fathom_image *image) {
     switch (image->format) {
     case FATHOM_IMAGE_GREY8: return image->width;
@@ -41,18 +42,22 @@ static int check_image(fathom *f, const fathom_image *given) {
     if (e != FATHOM_OK) return e;
     if (!image.data) return call_refuse(f, "the image's data is NULL");
     if (image.width < 1 || image.height < 1 || image.width > IMAGE_SIZE_MAX || image.height > IMAGE_SIZE_MAX)
-        return call_refuse(f, "an image of %dx%d; each must lie within 1 and %d", image.width, image.height, IMAGE_SIZE_MAX);
+        return call_refuse(f, "an image of %dx%d; each must lie within 1 and %d", image.width, image.height,
+                           IMAGE_SIZE_MAX);
     if (!stamp_valid(image.timestamp_ns))
-        return call_refuse(f, "an image stamped %lld ns: more than 126 years from zero", (long long)image.timestamp_ns);
+        return call_refuse(f, "an image stamped %lld ns: more than 126 years from zero",
+                           (long long)image.timestamp_ns);
     const int64_t tight = tight_stride(&image);
-    if (tight < 0) return call_refuse(f, "an image of format %d, %d wide: no such format", image.format, image.width);
+    if (tight < 0)
+        return call_refuse(f, "an image of format %d, %d wide: no such format", image.format, image.width);
     if (tight == 0)
         return image.size_bytes > 0 && image.stride_bytes == 0
                    ? FATHOM_OK
                    : call_refuse(f, "a compressed image needs its size_bytes, and has no stride");
     const int64_t stride = image.stride_bytes == 0 ? tight : image.stride_bytes;
     if (stride < tight || stride > INT32_MAX)
-        return call_refuse(f, "the image's rows are %lld bytes apart; a row has %lld", (long long)stride, (long long)tight);
+        return call_refuse(f, "the image's rows are %lld bytes apart; a row has %lld", (long long)stride,
+                           (long long)tight);
     if (image.size_bytes != 0 && image.size_bytes < stride * (image.height - 1) + tight)
         return call_refuse(f, "an image of %lld bytes is too short for %d rows %lld bytes apart",
                            (long long)image.size_bytes, image.height, (long long)stride);
@@ -69,10 +74,11 @@ int frame_take(fathom *f, const fathom_depth_frame *given, fathom_depth_frame *f
     if (frame->row_stride_bytes == 0) frame->row_stride_bytes = 2 * frame->width;
     if (frame->confidence_stride_bytes == 0) frame->confidence_stride_bytes = frame->width;
     if (frame->row_stride_bytes < 2 * frame->width || frame->row_stride_bytes % 2 != 0)
-        return call_refuse(f, "row_stride_bytes is %d; it must be even, and at least %d", frame->row_stride_bytes,
-                           2 * frame->width);
+        return call_refuse(f, "row_stride_bytes is %d; it must be even, and at least %d",
+                           frame->row_stride_bytes, 2 * frame->width);
     if (frame->exposure_ns < 0 || frame->exposure_ns > SECOND_NS)
-        return call_refuse(f, "exposure_ns is %lld; it must lie within 0 and a second", (long long)frame->exposure_ns);
+        return call_refuse(f, "exposure_ns is %lld; it must lie within 0 and a second",
+                           (long long)frame->exposure_ns);
     const int64_t row_max = SECOND_NS / frame->height;
     if (frame->row_time_ns < -row_max || frame->row_time_ns > row_max)
         return call_refuse(f, "row_time_ns is %lld; all %d rows must be read within a second",

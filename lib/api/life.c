@@ -39,7 +39,7 @@ static void start_over(fathom *f) {
     f->result.pose = f->result.odometry = pose_give(&f->pose);
 }
 
-/* Builds in the block what was planned with the scratch context. */
+/* Builds the context in the block as planned with the scratch context. */
 static int build(fathom *f, const fathom *scratch, const fathom_memory_plan *plan, arena *a) {
     memset(f, 0, sizeof *f);
     f->config = scratch->config;
@@ -64,16 +64,18 @@ static int build(fathom *f, const fathom *scratch, const fathom_memory_plan *pla
     return FATHOM_OK;
 }
 
-static int init(fathom **context, fathom *scratch, const fathom_config *config, void *memory, size_t size, char *why,
-                size_t why_size) {
+static int init(fathom **context, fathom *scratch, const fathom_config *config, void *memory, size_t size,
+                char *why, size_t why_size) {
     fathom_memory_plan plan;
     error_text *r = &scratch->error;
     int e = plan_make(scratch, config, &plan);
     if (e == FATHOM_OK && (!context || !memory))
-        e = error_text_fail(r, FATHOM_ERROR_ARGUMENT, FATHOM_LOG_ERROR, "%s is NULL", context ? "memory" : "context");
+        e = error_text_fail(r, FATHOM_ERROR_ARGUMENT, FATHOM_LOG_ERROR, "%s is NULL",
+                            context ? "memory" : "context");
     if (e == FATHOM_OK && size < (size_t)plan.host_bytes)
-        e = error_text_fail(r, FATHOM_ERROR_MEMORY, FATHOM_LOG_ERROR, "the block has %zu bytes; these settings need %lld", size,
-                        (long long)plan.host_bytes);
+        e = error_text_fail(r, FATHOM_ERROR_MEMORY, FATHOM_LOG_ERROR,
+                            "the block has %zu bytes; these settings need %lld", size,
+                            (long long)plan.host_bytes);
     if (e != FATHOM_OK) {
         error_text_copy(r, why, why_size);
         return e;
@@ -81,7 +83,7 @@ static int init(fathom **context, fathom *scratch, const fathom_config *config, 
     size_t lost;
     arena a = {arena_align(memory, &lost), 0, 0};
     a.size = size - lost;
-    /* every page is made resident now, not when the surface first grows into it: nothing is left to run short later */
+    /* every page is made resident now, not when the surface first grows into it, so that memory can't run out later */
     for (size_t i = 0; i < a.size && i < (size_t)plan.host_bytes; i += 4096) a.base[i] = 0;
     fathom *f = arena_take(&a, sizeof *f);
     e = build(f, scratch, &plan, &a);

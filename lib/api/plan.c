@@ -8,7 +8,7 @@
 #include "base/log.h"
 #include "base/sized.h"
 
-/* Tiles of the largest view that is ray-cast: the finest maps, or the wide view where maps are small. */
+/* Tiles of the largest ray-cast view: the finest maps, or the wide view where maps are small. */
 static int max_tiles(const fathom *f) {
     int finest = kernel_tiles(&f->maps.camera[FINEST]), wide = kernel_tiles(&f->tracker.view.wide);
     return finest > wide ? finest : wide;
@@ -88,7 +88,8 @@ int fathom_plan_memory(const fathom_config *config, fathom_memory_plan *plan, ch
     fathom_memory_plan whole;
     const size_t size = sized_of(plan);
     if (size == 0) {
-        const error_text r = {.text = "plan is NULL, or its struct_size isn't set: FATHOM_STRUCT(fathom_memory_plan)"};
+        const error_text r = {
+            .text = "plan is NULL, or its struct_size isn't set: FATHOM_STRUCT(fathom_memory_plan)"};
         error_text_copy(&r, why, why_size);
         return FATHOM_ERROR_ARGUMENT;
     }

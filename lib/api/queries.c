@@ -1,4 +1,4 @@
-/* What a context knows: motion, pose, mounting, counters. */
+/* Queries of a context: motion, pose, mounting, counters. */
 #include <string.h>
 
 #include "api/call.h"
@@ -12,11 +12,13 @@ int fathom_inertial_estimate(fathom *f, int64_t from_ns, int64_t to_ns, fathom_m
     if (e != FATHOM_OK) return e;
     const size_t size = call_struct(f, motion, "fathom_motion");
     if (size == 0) return FATHOM_ERROR_ARGUMENT;
-    if (!stamp_valid(from_ns) || !stamp_valid(to_ns)) return call_refuse(f, "a stamp more than 126 years from zero");
+    if (!stamp_valid(from_ns) || !stamp_valid(to_ns))
+        return call_refuse(f, "a stamp more than 126 years from zero");
     inertial_drain(&f->inertial);
     e = inertial_estimate(&f->inertial, from_ns, to_ns, &m);
     if (e != FATHOM_OK) {
-        return error_text_fail(&f->error, e, FATHOM_LOG_INFO, "there are neither samples nor a tracked frame to estimate by");
+        return error_text_fail(&f->error, e, FATHOM_LOG_INFO,
+                               "there are neither samples nor a tracked frame to estimate by");
     }
     whole.motion = pose_give(&m.motion);
     memcpy(whole.covariance, m.covariance, sizeof whole.covariance);

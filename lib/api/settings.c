@@ -32,7 +32,7 @@ fathom_config config_preset(int32_t preset) {
     return c;
 }
 
-/* ---- check -------------------------------------------------------------------------------------------------------- */
+/* ---- check ------------------------------------------------------------------------------------------------------- */
 
 static int refuse(const fathom_config *c, const setting_row *row) {
     char value[64], range[96];
@@ -49,14 +49,14 @@ static int refuse_all_zero(const fathom_config *c, const char *name) {
     return FATHOM_ERROR_CONFIG;
 }
 
-/* Settings that are good each by itself and don't go together. */
+/* Settings that are each valid but contradict each other. */
 static int check_together(const fathom_config *c) {
     const int32_t *free_budget = c->max_iterations, *seeded = c->max_seeded_iterations;
     const double *k = c->depth_camera.coefficients;
     const int used[] = {0, 5, 8}; /* coefficients, by lens */
     if (c->max_depth_m < c->min_depth_m) {
-        log_write(c, FATHOM_LOG_ERROR, "setting max_depth_m is %g m, less than min_depth_m, %g m", c->max_depth_m,
-                  c->min_depth_m);
+        log_write(c, FATHOM_LOG_ERROR, "setting max_depth_m is %g m, less than min_depth_m, %g m",
+                  c->max_depth_m, c->min_depth_m);
         return FATHOM_ERROR_CONFIG;
     }
     if (free_budget[0] + free_budget[1] + free_budget[2] < 1) return refuse_all_zero(c, "max_iterations");
@@ -64,8 +64,8 @@ static int check_together(const fathom_config *c) {
     for (int i = used[c->depth_camera.lens]; i < 8; i++)
         if (k[i] != 0) {
             log_write(c, FATHOM_LOG_ERROR,
-                      "setting depth_camera.coefficients[%d] is %g; depth_camera.lens %d doesn't use it", i, k[i],
-                      c->depth_camera.lens);
+                      "setting depth_camera.coefficients[%d] is %g; depth_camera.lens %d doesn't use it", i,
+                      k[i], c->depth_camera.lens);
             return FATHOM_ERROR_CONFIG;
         }
     pose given;
@@ -73,7 +73,8 @@ static int check_together(const fathom_config *c) {
     mounting[15] = 1;
     for (int i = 0; i < 9; i++) mounting[i / 3 * 4 + i % 3] = c->imu_to_camera_rotation[i];
     if (!pose_take(&c->first_pose, &given) || !pose_from_matrix(mounting, &given)) {
-        log_write(c, FATHOM_LOG_ERROR, "first_pose or imu_to_camera_rotation is not a right-handed rigid motion");
+        log_write(c, FATHOM_LOG_ERROR,
+                  "first_pose or imu_to_camera_rotation is not a right-handed rigid motion");
         return FATHOM_ERROR_CONFIG;
     }
     return FATHOM_OK;

@@ -10,7 +10,7 @@
 /* All settings at their defaults. */
 fathom_config config_default(void);
 
-/* The defaults and what the preset has otherwise; a preset that doesn't exist has nothing. */
+/* The defaults with the preset's changes; a preset that doesn't exist changes nothing. */
 fathom_config config_preset(int32_t preset);
 
 /* FATHOM_OK, or FATHOM_ERROR_CONFIG after a log message that names the setting, its value, range and unit. */

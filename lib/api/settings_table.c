@@ -80,7 +80,8 @@ const setting_row settings_table[] = {
     ROW(max_model_reuse_rad, "rad", 0, 1e9, 0.06,
         "Maximum camera rotation over which ray-cast maps serve further frames"),
     ROW(max_pair_distance_m, "m", 1e-4, 10, 0.10,
-        "Maximum distance of a pair at the finest level; doubled at each coarser one, widened to three seed sigmas"),
+        "Maximum distance of a pair at the finest level; doubled at each coarser one, widened to three seed "
+        "sigmas"),
     ROW(max_pair_angle_rad, "rad", 0.01, 3.15, 0.7, "Maximum angle between a pair's normals"),
     ROW(huber_m, "m", 1e-6, 100, 0.003, "Residual beyond which a pair's weight falls off as 1/|r|"),
     ROW(min_update_rad, "rad", 0, 1, 1e-4,
@@ -104,7 +105,8 @@ const setting_row settings_table[] = {
     ROW(max_see_through, "", 0, 1, 0.015,
         "Maximum fraction of them where the frame sees through the surface"),
     ROW(min_evident_fraction, "", 0, 1e9, 0.6,
-        "Minimum fraction of valid pixels with pairs for an alignment that isn't compared. Above 1: always compared"),
+        "Minimum fraction of valid pixels with pairs for an alignment that isn't compared. Above 1: always "
+        "compared"),
     ROW(max_evident_sigmas, "sigma", 0, 1e9, 1.5,
         "Maximum distance from seed to result of such an alignment, in sigmas"),
     ROW(agreement_tolerance_m, "m", 1e-4, 100, 0.02,
@@ -180,8 +182,8 @@ const setting_row settings_table[] = {
     ROW(first_pose.orientation[3], "", -1.001, 1.001, 1, "Orientation of the first frame's camera: w"),
 #undef GROUP
 #define GROUP "OpenCL device"
-    TEXT(device,
-         "A part of a platform's or device's name, or cpu, or gpu. Default: a GPU that shares memory, else the first"),
+    TEXT(device, "A part of a platform's or device's name, or cpu, or gpu. Default: a GPU that shares "
+                 "memory, else the first"),
     WORDS(buffers, "auto|host|device", 2, FATHOM_BUFFERS_AUTO,
           "Where buffers lie: in the caller's block on a CPU; always there; always the device's own"),
     TEXT(kernel_file,
@@ -225,7 +227,7 @@ void setting_store(const setting_row *row, fathom_config *config, double value) 
 
 bool setting_allows(const setting_row *row, double value) {
     if (row->type == FATHOM_SETTING_TEXT || (row->zero && value == 0)) return true;
-    if (row->type == FATHOM_SETTING_FLOAT) /* a limit as the field holds it */
+    if (row->type == FATHOM_SETTING_FLOAT) /* a limit in the field's precision */
         return value >= (float)row->low && value <= (float)row->high;
     return value >= row->low && value <= row->high;
 }

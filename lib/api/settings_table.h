@@ -19,7 +19,7 @@ typedef struct {
 extern const setting_row settings_table[];
 extern const int settings_count;
 
-/* NULL: there is none of that name. */
+/* NULL: no setting has that name. */
 const setting_row *settings_find(const char *name);
 
 /* A number's value in the struct; texts have none. */

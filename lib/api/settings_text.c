@@ -12,7 +12,7 @@
 #define NUMBER_SIZE 64  /* bytes of a number's text */
 #define NO_TEXT "default" /* stands for NULL */
 
-/* What the locale puts between the digits of 0.5, for strtod and printf follow it. */
+/* The locale's decimal point, which strtod and printf use. */
 static void decimal_point(char point[8]) {
     char half[16];
     snprintf(half, sizeof half, "%.1f", 0.5);
@@ -62,7 +62,7 @@ static bool read_whole(const char *text, int64_t *value) {
     return true;
 }
 
-/* The place of text among words with bars between them. */
+/* The index of text among words separated by bars. */
 static bool read_word(const char *words, const char *text, int32_t *value) {
     const size_t length = strlen(text);
     for (*value = 0;; ++*value) {
@@ -91,7 +91,8 @@ static int set_row(const setting_row *row, fathom_config *config, const char *te
         return FATHOM_OK;
     }
     case FATHOM_SETTING_BOOL:
-        if (strcmp(text, "false") == 0 || strcmp(text, "true") == 0) return set_number(row, config, *text == 't');
+        if (strcmp(text, "false") == 0 || strcmp(text, "true") == 0)
+            return set_number(row, config, *text == 't');
         return read_word(row->words, text, &word) ? set_number(row, config, word) : FATHOM_ERROR_VALUE;
     case FATHOM_SETTING_WORD:
         return read_word(row->words, text, &word) ? set_number(row, config, word) : FATHOM_ERROR_VALUE;
@@ -162,9 +163,9 @@ int setting_print_range(const setting_row *row, char *text, size_t size) {
     return snprintf(text, size, "%s%s..%s", row->zero ? "0," : "", low, high);
 }
 
-/* ---- public ------------------------------------------------------------------------------------------------------- */
+/* ---- public ------------------------------------------------------------------------------------------------------ */
 
-/* The row, when the caller's struct is long enough to have it. */
+/* The row, if the caller's struct is long enough for its field. */
 static const setting_row *row_in(const fathom_config *config, const char *name) {
     const setting_row *row = settings_find(name);
     return row && row->at + row->size <= sized_of(config) ? row : NULL;

@@ -29,7 +29,7 @@ int fathom_step(fathom *f, const fathom_depth_frame *given, fathom_result *resul
     const fathom_result last = f->result;
     const pose at = f->pose;
     step(f, &frame, &whole);
-    if (f->device.error != FATHOM_OK) { /* what was computed since is worth nothing: the last good pose stays */
+    if (f->device.error != FATHOM_OK) { /* results since then are invalid: the last good pose stays */
         f->pose = at;
         f->result = last;
     }

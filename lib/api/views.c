@@ -11,9 +11,9 @@
 static int view_check(fathom *f, const fathom_view *v, pose *at) {
     const fathom_pinhole *c = &v->camera;
     if (c->lens != FATHOM_LENS_PINHOLE) return call_refuse(f, "a view's lens must be FATHOM_LENS_PINHOLE");
-    bool good = c->width >= 1 && c->width <= VIEW_SIZE_MAX && c->height >= 1 && c->height <= VIEW_SIZE_MAX && c->fx > 0 &&
-                c->fy > 0 && isfinite(c->fx) && isfinite(c->fy) && isfinite(c->cx) && isfinite(c->cy) &&
-                v->near_m >= 0 && v->far_m >= 0 && pose_take(&v->pose, at);
+    bool good = c->width >= 1 && c->width <= VIEW_SIZE_MAX && c->height >= 1 && c->height <= VIEW_SIZE_MAX &&
+                c->fx > 0 && c->fy > 0 && isfinite(c->fx) && isfinite(c->fy) && isfinite(c->cx) &&
+                isfinite(c->cy) && v->near_m >= 0 && v->far_m >= 0 && pose_take(&v->pose, at);
     return good ? FATHOM_OK : call_refuse(f, "the view's size, intrinsics, range or pose is not valid");
 }
 
@@ -28,7 +28,7 @@ int fathom_cast_view(fathom *f, const fathom_view *given, float *depth, float *n
     return call_end(f);
 }
 
-/* ---- triangles ---------------------------------------------------------------------------------------------------------- */
+/* ---- triangles --------------------------------------------------------------------------------------------------- */
 
 static int mesh_check(fathom *f, float min_weight) {
     return min_weight >= 0 ? FATHOM_OK : call_refuse(f, "min_weight is %g", (double)min_weight);
@@ -42,7 +42,8 @@ static int64_t mesh_make(fathom *f, mesh_place *at, int32_t part, float min_weig
     const int e = call_end(f);
     if (e != FATHOM_OK) return e;
     if (count == FATHOM_ERROR_STOPPED)
-        error_text_fail(&f->error, FATHOM_ERROR_STOPPED, FATHOM_LOG_INFO, "the caller's callback stopped the mesh");
+        error_text_fail(&f->error, FATHOM_ERROR_STOPPED, FATHOM_LOG_INFO,
+                        "the caller's callback stopped the mesh");
     if (count == FATHOM_ERROR_ARGUMENT)
         call_refuse(f, "the block store's list names, at position %lld, a block with an index beyond +-2^27",
                     (long long)at->stored);
@@ -66,10 +67,11 @@ static int append(void *user, const fathom_vertex *vertices, size_t triangle_cou
 
 static int pull_check(fathom *f, const fathom_mesh_pull *p) {
     if (p->capacity < FATHOM_BLOCK_TRIANGLES)
-        return call_refuse(f, "capacity is %d; a piece must have room for a block's %d triangles", p->capacity,
-                           FATHOM_BLOCK_TRIANGLES);
+        return call_refuse(f, "capacity is %d; a piece must have room for a block's %d triangles",
+                           p->capacity, FATHOM_BLOCK_TRIANGLES);
     if (!p->vertices) return call_refuse(f, "vertices is NULL");
-    if (p->part != FATHOM_MESH_WHOLE && p->part != FATHOM_MESH_POOL) return call_refuse(f, "part is %d", p->part);
+    if (p->part != FATHOM_MESH_WHOLE && p->part != FATHOM_MESH_POOL)
+        return call_refuse(f, "part is %d", p->part);
     if (p->next_stored < 0 || p->next_made < 0)
         return call_refuse(f, "next_stored or next_made is negative: zeros begin a pull");
     return mesh_check(f, p->min_weight);
@@ -91,12 +93,13 @@ int64_t fathom_pull_mesh(fathom *f, fathom_mesh_pull *given) {
     return count;
 }
 
-/* ---- blocks ------------------------------------------------------------------------------------------------------------- */
+/* ---- blocks ------------------------------------------------------------------------------------------------------ */
 
 static int blocks_check(fathom *f, const fathom_block_pull *p) {
     if (p->capacity < 1) return call_refuse(f, "a capacity of %d blocks", p->capacity);
     if (!p->keys) return call_refuse(f, "keys is NULL");
-    return p->since >= 0 && p->next >= 0 ? FATHOM_OK : call_refuse(f, "since or next is negative: zeros begin a pull");
+    return p->since >= 0 && p->next >= 0 ? FATHOM_OK
+                                         : call_refuse(f, "since or next is negative: zeros begin a pull");
 }
 
 int32_t fathom_pull_blocks(fathom *f, fathom_block_pull *given) {

@@ -12,8 +12,8 @@ void warm_up(fathom *f) {
     depth_maps_compute(&f->maps, d, 0);
     for (int i = 0; i < FATHOM_LEVELS; i++) {
         depth_maps_pack(&f->maps, d, i, &f->tracker.models.level[i]);
-        align_reduce(&f->tracker.aligner, d, &f->maps, i, &here, &f->tracker.models.level[i], &f->maps.camera[i], 0.1, 0.01,
-                     centre, &e);
+        align_reduce(&f->tracker.aligner, d, &f->maps, i, &here, &f->tracker.models.level[i],
+                     &f->maps.camera[i], 0.1, 0.01, centre, &e);
     }
     /* a block in front of the camera */
     integrator_request(g, d, v, &f->maps, &here, false);

@@ -1,5 +1,5 @@
-/* Launches every kernel once in each shape that a step may use, on nothing: PoCL compiles a kernel anew for each size of its
- * work-groups, when it is first launched, and that must not happen in the middle of a scan. */
+/* Launches every kernel once in each shape that a step may use, on empty input: PoCL compiles a kernel anew for each
+ * work-group size, at the first launch with it, and that must not happen in the middle of a scan. */
 #ifndef FATHOM_WARM_UP_H
 #define FATHOM_WARM_UP_H
 

@@ -1,6 +1,7 @@
 /* A block of memory given once and handed out in order; nothing is ever given back.
  *
- * The same layout code runs twice: with base NULL it only counts (fathom_memory_required), then with the caller's block. */
+ * The same layout code runs twice: with base NULL it only counts (fathom_memory_required), then with the caller's
+ * block. */
 #ifndef FATHOM_ARENA_H
 #define FATHOM_ARENA_H
 

@@ -89,7 +89,7 @@ void so3_exp(const double w[3], double r[9]) {
 }
 
 void so3_log(const double r[9], double w[3]) {
-    /* By the unit quaternion, whose largest component is found first, so that half a turn is no special case. */
+    /* Uses the unit quaternion, largest component first, so that half a turn is no special case. */
     double q[4];
     double trace = r[0] + r[4] + r[8];
     int i = 0;
@@ -128,7 +128,8 @@ pose pose_exp(const double twist[6]) {
 void pose_log(const pose *p, double twist[6]) {
     so3_log(p->r, twist);
     double x = norm3(twist), v[9];
-    /* V^-1 = I - 1/2 [w]x + d [w]x^2 with d = 1/x^2 - (1 + cos x) / (2 x sin x), by half angles near zero and near pi */
+    /* V^-1 = I - 1/2 [w]x + d [w]x^2 with d = 1/x^2 - (1 + cos x) / (2 x sin x), by half angles near zero and near
+     * pi */
     double d = x < 1e-4 ? 1.0 / 12 + x * x / 720 : (1 - 0.5 * x * cos(0.5 * x) / sin(0.5 * x)) / (x * x);
     rodrigues(twist, -0.5, d, v);
     for (int i = 0; i < 3; i++)
@@ -232,7 +233,7 @@ fathom_pose pose_give(const pose *a) {
         q[1] = r[2] - r[6];
         q[2] = r[3] - r[1];
         q[3] = 1 + trace;
-    } else { /* from the largest on the diagonal: no small number is divided by */
+    } else { /* from the largest on the diagonal, to avoid division by small numbers */
         int i = r[0] > r[4] ? (r[0] > r[8] ? 0 : 2) : (r[4] > r[8] ? 1 : 2), j = (i + 1) % 3, k = (i + 2) % 3;
         q[i] = 1 + r[4 * i] - r[4 * j] - r[4 * k];
         q[j] = r[3 * i + j] + r[3 * j + i];

@@ -1,8 +1,9 @@
-/* Rigid motions SE(3) in double precision. References: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in
- * robotics" (2018), Section IV and Appendix B, D.
+/* Rigid motions SE(3) in double precision. References: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation
+ * in robotics" (2018), Section IV and Appendix B, D.
  *
- * A pose maps p to rotation * p + translation. A twist is rotation (radians) then translation (metres); perturbations are
- * on the right: pose * exp(twist), so a twist and a covariance live in the axes of the frame that the pose maps from. */
+ * A pose maps p to rotation * p + translation. A twist is rotation (radians) then translation (metres); perturbations
+ * are on the right: pose * exp(twist), so a twist and a covariance live in the axes of the frame that the pose maps
+ * from. */
 #ifndef FATHOM_SE3_H
 #define FATHOM_SE3_H
 
@@ -30,16 +31,16 @@ double pose_angle(const pose *a);    /* 0..pi */
 double pose_distance(const pose *a); /* length of the translation */
 void pose_normalise(pose *a);        /* makes the rotation orthonormal again (Gram-Schmidt) */
 bool pose_is_finite(const pose *a);
-void pose_adjoint(const pose *a,
-                  double adjoint[36]); /* exp(adjoint * twist) * a = a * exp(twist), row-major 6x6 */
-void pose_right_jacobian(const double twist[6],
-                         double j[36]); /* exp(twist + d) = exp(twist) * exp(j d) for small d, row-major 6x6 */
+/* exp(adjoint * twist) * a = a * exp(twist), row-major 6x6 */
+void pose_adjoint(const pose *a, double adjoint[36]);
+/* exp(twist + d) = exp(twist) * exp(j d) for small d, row-major 6x6 */
+void pose_right_jacobian(const double twist[6], double j[36]);
 
 void pose_to_matrix(const pose *a, double matrix[16]); /* row-major 4x4 */
 /* False unless finite, rigid (to 1e-3) and right-handed. */
 bool pose_from_matrix(const double matrix[16], pose *a);
 
-/* To the caller and back. False unless finite and of unit length, to 1e-3. */
+/* To the public form and back. False unless finite and of unit length, to 1e-3. */
 fathom_pose pose_give(const pose *a);
 bool pose_take(const fathom_pose *given, pose *a);
 

@@ -1,6 +1,6 @@
-/* Structs that cross the interface: their first field, struct_size, says how large the caller's is. Inside the library
- * everything works on whole structs; these two carry them in and out. The rules are openat2's (Linux). In a header, so that
- * the drivers' library, which sees only what fathom.h declares, has them too. */
+/* Structs that cross the interface: their first field, struct_size, is the size of the caller's. The library's code
+ * works on whole structs; these functions copy them in and out, by the rules of Linux's openat2. They are in a header
+ * for the drivers' library, which can link only what fathom.h declares. */
 #ifndef FATHOM_SIZED_H
 #define FATHOM_SIZED_H
 
@@ -11,15 +11,15 @@
 
 #define SIZED_MAX 16384 /* no struct will ever be larger: what claims to be wasn't initialised */
 
-/* What struct_size says, or 0 when it can't be one. */
+/* The caller's struct_size, or 0 when it is invalid. */
 static inline size_t sized_of(const void *callers) {
     uint32_t size = 0;
     if (callers) memcpy(&size, callers, sizeof size);
     return size >= sizeof size && size <= SIZED_MAX ? size : 0;
 }
 
-/* Takes the caller's struct in: whole (size bytes, holding the defaults) gets the fields that the caller's covers. False when
- * struct_size can't be one, or when a struct longer than this library's has something in the rest. */
+/* Copies the caller's struct in: whole (size bytes, holding the defaults) gets the fields that the caller's struct has.
+ * False when struct_size is invalid, or when a struct longer than this library's isn't zero beyond it. */
 static inline bool sized_in(void *whole, size_t size, const void *callers) {
     const size_t given = sized_of(callers);
     if (given == 0) return false;

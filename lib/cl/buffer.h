@@ -1,11 +1,11 @@
-/* Buffers of the device. The only place that knows where a buffer lies: in the caller's block or on the device. */
+/* Buffers of the device. Only this module knows whether a buffer lies in the caller's block or on the device. */
 #ifndef FATHOM_BUFFER_H
 #define FATHOM_BUFFER_H
 
 #include "base/arena.h"
 #include "cl/device.h"
 
-/* Its bytes may be looked at between device_map and device_unmap. */
+/* Its bytes are accessible between device_map and device_unmap. */
 typedef struct {
     cl_mem memory;
     void *host; /* where it lies in the block, or NULL */
@@ -16,7 +16,7 @@ typedef struct {
 void device_buffer_make(device *d, arena *a, size_t size, device_buffer *buffer);
 void device_buffer_free(device_buffer *buffer);
 
-/* Waits for what was queued, and gives the host's view of the buffer; NULL after an error. */
+/* Waits for the queue, and returns the host's view of the buffer; NULL after an error. */
 void *device_map(device *d, device_buffer *buffer, cl_map_flags flags);
 void device_unmap(device *d, device_buffer *buffer, void *mapped);
 

@@ -7,7 +7,7 @@
 #include "base/log.h"
 #include "cl/program.h"
 
-/* ---- choice ---------------------------------------------------------------------------------------------------------- */
+/* ---- choice ------------------------------------------------------------------------------------------------------ */
 
 #define MAX_PLATFORMS 16
 #define MAX_DEVICES 16 /* of a platform */
@@ -22,8 +22,8 @@ static bool contains(const char *text, const char *part) {
 }
 
 /* Takes a device if it matches the name and beats the best one so far; returns the best score. */
-static int consider(device *d, cl_platform_id platform, const char *platform_name, cl_device_id id, const char *wanted,
-                    int best) {
+static int consider(device *d, cl_platform_id platform, const char *platform_name, cl_device_id id,
+                    const char *wanted, int best) {
     char name[128] = "";
     cl_device_type type = 0;
     cl_bool unified = CL_FALSE, usable = CL_FALSE;
@@ -43,7 +43,7 @@ static int consider(device *d, cl_platform_id platform, const char *platform_nam
     return score;
 }
 
-/* How the kernels are built for the chosen device. */
+/* Sets the build parameters of the kernels for the chosen device. */
 static void choose_shape(device *d) {
     cl_uint vector = 1;
     clGetDeviceInfo(d->id, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof vector, &vector, NULL);
@@ -76,7 +76,8 @@ int device_choose(device *d, const fathom_config *config) {
     for (cl_uint p = 0; p < platform_count && p < MAX_PLATFORMS; p++) {
         cl_device_id ids[MAX_DEVICES];
         cl_uint count = 0;
-        if (clGetDeviceIDs(platforms[p], CL_DEVICE_TYPE_ALL, MAX_DEVICES, ids, &count) != CL_SUCCESS) continue;
+        if (clGetDeviceIDs(platforms[p], CL_DEVICE_TYPE_ALL, MAX_DEVICES, ids, &count) != CL_SUCCESS)
+            continue;
         char name[128] = "";
         clGetPlatformInfo(platforms[p], CL_PLATFORM_NAME, sizeof name - 1, name, NULL);
         for (cl_uint i = 0; i < count && i < MAX_DEVICES; i++)
@@ -93,7 +94,7 @@ int device_choose(device *d, const fathom_config *config) {
     return FATHOM_OK;
 }
 
-/* ---- life --------------------------------------------------------------------------------------------------------------- */
+/* ---- life -------------------------------------------------------------------------------------------------------- */
 
 int device_open(device *d) {
     cl_int e;

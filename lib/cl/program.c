@@ -24,14 +24,14 @@ static uint64_t fnv(uint64_t h, const char *text) {
     return fnv_bytes(h, (const unsigned char *)text, strlen(text));
 }
 
-/* A file of built kernels begins with this: an OpenCL runtime may end the program over a binary that was cut off, or is
- * another's. */
+/* The header of a file of built kernels: an OpenCL runtime may crash on a binary that is truncated or for another
+ * device. */
 typedef struct {
     uint64_t built_for;  /* identity */
     uint64_t size, hash; /* of what follows */
 } cache_header;
 
-/* What a built program depends on: the sources, options, device and driver at hand. */
+/* Hash of everything that a built program depends on: sources, options, device and driver. */
 static uint64_t identity(device *d, const char *options) {
     char text[256];
     uint64_t h = fnv(FNV_START, options);
@@ -44,6 +44,11 @@ static uint64_t identity(device *d, const char *options) {
         h = fnv(h, text);
     }
     return h;
+}
+
+static bool too_long(device *d, const char *path) {
+    log_write(d->config, FATHOM_LOG_WARNING, "kernels are built anew each time: the cache's path is too long: %s", path);
+    return false;
 }
 
 /* The cache file for that; false: no cache is wanted or can be had. */
@@ -60,13 +65,14 @@ static bool cache_path(device *d, uint64_t built_for, char *path, size_t size) {
             n = snprintf(home, sizeof home, "%s/.cache", user);
         else
             return false;
-        if (n + sizeof "/fathom" > sizeof home) return false;
+        if (n + sizeof "/fathom" > sizeof home) return too_long(d, home);
         mkdir(home, 0777);
         memcpy(home + n, "/fathom", sizeof "/fathom");
         folder = home;
     }
     mkdir(folder, 0777);
-    return snprintf(path, size, "%s/%016llx.bin", folder, (unsigned long long)built_for) < (int)size;
+    const int n = snprintf(path, size, "%s/%016llx.bin", folder, (unsigned long long)built_for);
+    return n < (int)size || too_long(d, folder);
 }
 
 static bool program_from_file(device *d, const char *path, uint64_t built_for, const char *options) {
@@ -107,10 +113,11 @@ static bool program_to_file(device *d, const char *path, uint64_t built_for) {
     if (data == MAP_FAILED) return false;
     cache_header *header = data;
     unsigned char *bytes = data, *binary = bytes + sizeof *header;
-    char part[PATH_MAX]; /* beside the file, so that it gets its name whole or not at all */
+    char part[PATH_MAX]; /* beside the file, which appears whole or not at all */
     bool fits = snprintf(part, sizeof part, "%s.%d", path, (int)getpid()) < (int)sizeof part;
     if (!fits)
-        log_write(d->config, FATHOM_LOG_WARNING, "built kernels can't be written: the path is too long: %s", path);
+        log_write(d->config, FATHOM_LOG_WARNING, "built kernels can't be written: the path is too long: %s",
+                  path);
     else if (clGetProgramInfo(d->program, CL_PROGRAM_BINARIES, sizeof binary, &binary, NULL) == CL_SUCCESS) {
         header->built_for = built_for;
         header->size = size - sizeof *header;
@@ -195,7 +202,8 @@ int program_build(device *d) {
     }
     d->program = clCreateProgramWithSource(d->context, n, sources, NULL, &e);
     if (!d->program) {
-        log_write(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels can't be given to %s (code %d)", d->name, e);
+        log_write(d->config, FATHOM_LOG_ERROR, "the OpenCL kernels can't be given to %s (code %d)", d->name,
+                  e);
         return FATHOM_ERROR_KERNEL;
     }
     const char *extra = getenv("FATHOM_KERNEL_OPTIONS"); /* for tests: a build that fails */

@@ -10,8 +10,8 @@ int program_build(device *d);
 /* Writes the built program, with every kernel that was launched, to a file for config->kernel_file. */
 bool program_save(device *d, const char *path);
 
-/* Keeps a program that was built from source in the cache. To be called when each kernel has been launched: PoCL builds them
- * for their work-groups only then, and would give a program without these earlier. */
+/* Writes a program that was built from source to the cache. To be called after each kernel has been launched: only then
+ * has PoCL built them for their work-groups, and the program contains these. */
 void program_to_cache(device *d);
 
 #endif

@@ -30,7 +30,7 @@ int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
                    height, p->width, p->height);
         return FATHOM_ERROR_CONFIG;
     }
-    /* averaging n pixels puts the new pixel's centre amid them */
+    /* the centre of n averaged pixels is in their middle */
     float n = (float)(p->width / width), shift = 0.5f * (n - 1);
     *camera = kernel_camera_of(width, height, (float)p->fx / n, (float)p->fy / n, ((float)p->cx - shift) / n,
                                ((float)p->cy - shift) / n);

@@ -13,10 +13,10 @@ typedef struct {
     kernel_depth_source source;
     kernel_noise noise;
     int min_confidence;
-    device_buffer raw;                  /* the frame as it came */
-    device_buffer depth[FATHOM_LEVELS]; /* metric: what is aligned and fused */
-    device_buffer smooth; /* the finest depth smoothed, for its normals only: alignment with smoothed
-                                              depth drifts (docs/DESIGN.md) */
+    device_buffer raw;                  /* the frame as received */
+    device_buffer depth[FATHOM_LEVELS]; /* metric, for alignment and fusion */
+    /* the finest depth smoothed, for its normals only: alignment with smoothed depth drifts (docs/DESIGN.md) */
+    device_buffer smooth;
     device_buffer normals[FATHOM_LEVELS]; /* four planes: normal and confidence */
     cl_kernel convert, smoothing, halve, normal, pack;
 } depth_maps;
@@ -42,7 +42,7 @@ void depth_maps_take(depth_maps *m, device *d, const fathom_depth_frame *frame, 
 /* The same of depth alone, whose rows lie stride_bytes apart. */
 void depth_maps_make(depth_maps *m, device *d, const uint16_t *depth, size_t stride_bytes, int coarsest);
 
-/* The same for the frame that was copied last. */
+/* The same for the last frame that was copied. */
 void depth_maps_compute(depth_maps *m, device *d, int coarsest);
 
 /* Queues a level of the frame's maps in the form of a model map. */

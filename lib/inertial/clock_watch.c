@@ -2,10 +2,10 @@
 
 #include <math.h>
 
-#define APART_NS 1e8 /* less is the jitter of frames on their way, and too little to do harm */
+#define APART_NS 1e8 /* smaller leads are the jitter of frames' delivery, and harmless */
 #define CONFIRM_NS                                                                                           \
-    2e8 /* a leap holds as long as this, while both clocks go on: a mere pause of the samples doesn't */
-#define NEAR_NS 5e7 /* what arrival says is no finer; so near to it, no sample was lost in the leap */
+    2e8 /* a leap is confirmed after this, while both clocks go on; a pause of the samples isn't */
+#define NEAR_NS 5e7 /* resolution of the times of arrival; within it, no sample was lost in the leap */
 
 static double between(int64_t from, int64_t to) {
     return (double)to - (double)from;
@@ -17,7 +17,7 @@ void clock_watch_samples(clock_watch *w, int64_t before_ns, int64_t after_ns) {
     w->after_ns = after_ns;
 }
 
-/* The lead has moved: is there a leap of stamps that explains it? */
+/* Whether a leap of stamps explains the change of the lead. */
 static void begin_doubt(clock_watch *w, int64_t frame_ns, int64_t newest_ns, int64_t period_ns,
                         double moved) {
     double frames = between(w->frame_ns, frame_ns), samples = between(w->sample_ns, newest_ns);
@@ -31,7 +31,7 @@ static void begin_doubt(clock_watch *w, int64_t frame_ns, int64_t newest_ns, int
     w->leap = of_samples ? leap : 0;
     w->lead_sum = 0;
     w->leads = 0;
-    /* a leap back shows late: samples were dropped as out of order ever since the last frame that had some */
+    /* a leap back is detected late: samples were dropped as out of order since the last frame with samples */
     w->since_frame_ns = w->leap < 0 ? w->frame_ns : frame_ns;
     w->since_sample_ns = of_samples ? w->after_ns : w->sample_ns + 1;
 }

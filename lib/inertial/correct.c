@@ -1,4 +1,4 @@
-/* What corrects the navigator: accepted poses, and stillness. */
+/* Corrections of the navigator: accepted poses, and stillness. */
 #include <math.h>
 #include <string.h>
 
@@ -8,20 +8,21 @@
 #include "inertial/start.h"
 #include "inertial/strapdown.h"
 
-#define STILL_VELOCITY 0.005 /* m/s: what a hand that holds still, or a tripod, moves at */
+#define STILL_VELOCITY 0.005 /* m/s: speed of a still hand or a tripod */
 #define STILL_SPEED 0.05
 #define STILL_WAY 0.005 /* m and rad between poses: no motion */
 #define STILL_ANGLE 0.005
 #define STILL_WATCHED_NS 150000000 /* for as long as this */
 #define STILL_TURN 0.002           /* rad/s over a second */
-#define MIN_MISMATCH 0.05          /* sigmas that the settings give, times this, are those of a good sensor */
+#define MIN_MISMATCH 0.05          /* the settings' sigmas times this are those of a good sensor */
 #define MAX_MISMATCH 3
-#define MISMATCH_RATE 0.1 /* a pose's part in the mismatch's logarithm */
-#define MISMATCH_JUMP 4   /* squared misfit that makes it grow at once */
-#define DOUBT_RAD 0.012   /* a turn between accepted poses that the gyroscope gets more wrong is a contradiction */
-#define DOUBT_SECONDS 1.0 /* poses further apart say little */
+#define MISMATCH_RATE 0.1 /* weight of a pose in the logarithm of the mismatch */
+#define MISMATCH_JUMP 4   /* squared misfit beyond which the mismatch grows at once */
+/* a larger error of the gyroscope in the rotation between accepted poses is a contradiction */
+#define DOUBT_RAD 0.012
+#define DOUBT_SECONDS 1.0 /* poses further apart carry little information */
 
-/* The angle between the poses' way and what is foretold of it, squared; by the samples or without. */
+/* The squared angle between the rotation by poses and the prediction, with samples or without. */
 static double foretold_wrongly(inertial *n, bool without, const pose *way, int64_t from_ns, int64_t to_ns) {
     inertial_motion m;
     bool doubted = n->now.doubted;
@@ -33,10 +34,12 @@ static double foretold_wrongly(inertial *n, bool without, const pose *way, int64
     return fmin(pow(pose_angle(&rest), 2), 1);
 }
 
-/* Do the samples still tell of this camera's turning? A clock that leapt unseen, or a loose IMU, shows here. */
+/* Checks whether the samples still agree with the camera's rotation: detects an unnoticed leap of the clock or a loose
+ * IMU. */
 static void doubt(inertial *n, const measurement *m) {
     double dt = 1e-9 * ((double)m->timestamp_ns - (double)n->now.corrected_ns);
-    int last = samples_find(&n->samples, m->timestamp_ns), first = samples_find(&n->samples, n->now.corrected_ns);
+    int last = samples_find(&n->samples, m->timestamp_ns),
+        first = samples_find(&n->samples, n->now.corrected_ns);
     if (!n->config->imu || n->samples.count < 2 || first < 0 || dt > DOUBT_SECONDS) return;
     double samples = last - first, wanted = 1e9 * dt / (double)n->samples.period_ns;
     if (samples < 0.5 * wanted || samples < 1) return; /* a gap */
@@ -47,14 +50,15 @@ static void doubt(inertial *n, const measurement *m) {
     n->now.turn_error += (turn - n->now.turn_error) / 4;
     double much = DOUBT_RAD * DOUBT_RAD;
     bool was = n->now.doubted;
-    n->now.against = gyro > fmax(much, turn) ? n->now.against + 1 : 0; /* one interval may be the poses' fault */
+    n->now.against = gyro > fmax(much, turn) ? n->now.against + 1 : 0; /* one interval may be an error of the poses */
     n->now.doubted = was ? n->now.gyro_error > fmax(much / 4, n->now.turn_error / 2)
                      : n->now.against > 1 && n->now.gyro_error > fmax(much, 4 * n->now.turn_error);
 }
 
-/* The settings' noise is that of a poor sensor on a loose mount. How much better this rig is shows in how far poses lie from
- * where inertia put them; a sudden misfit widens the stretch that it happened in. before: the state at its start. Returns the
- * mismatch that the pose itself is corrected by: what it teaches counts from the next on, unless it was sudden. */
+/* Adapts the noise: the settings' is that of a poor sensor on a loose mount, and the distance of poses from their
+ * inertial prediction shows by how much this rig is better; a sudden misfit widens the interval in which it occurred.
+ * before: the state at the interval's start. Returns the mismatch for the correction by this pose, which affects the
+ * mismatch from the next pose on, unless it was sudden. */
 static double learn_mismatch(inertial *n, const navigator *before, const measurement *m) {
     navigation *now = &n->now;
     double known = now->mismatch, misfit = navigator_misfit(&now->state, m, known);
@@ -67,7 +71,7 @@ static double learn_mismatch(inertial *n, const navigator *before, const measure
     return now->mismatch;
 }
 
-/* The turn since the last accepted pose: against the samples', and for when there are none. */
+/* Compares the rotation since the last accepted pose with the samples', and keeps it for times without samples. */
 static void learn_turning(inertial *n, const measurement *m) {
     navigation *now = &n->now;
     if (m->timestamp_ns <= now->corrected_ns) return;
@@ -78,7 +82,7 @@ static void learn_turning(inertial *n, const measurement *m) {
     for (int i = 0; i < 3; i++) now->turning[i] = w[i] / seconds;
 }
 
-/* Takes the state to the measurement's time, and corrects it. */
+/* Propagates the state to the measurement's time, and corrects it. */
 static void apply(inertial *n, const measurement *m) {
     navigation *now = &n->now;
     navigator before = now->state;
@@ -115,7 +119,7 @@ static void stand_still(inertial *n) {
     stillness *w = &n->samples.still;
     double mean[3], seconds = 1e-9 * (double)n->samples.period_ns * (w->samples - w->used);
     if (1e-9 * (double)n->samples.period_ns * w->samples < STILL_SECONDS || w->samples == w->used) return;
-    /* a slide or a slow pan at an even rate feels the same: the poses and the velocity must agree */
+    /* uniform translation or a slow pan gives the same readings: the poses and the velocity must agree */
     if (!w->anchored) {
         w->anchored = true;
         w->anchor = n->now.corrected;
@@ -161,8 +165,8 @@ int inertial_correct(inertial *n, const pose *accepted, const double information
         return FATHOM_OK;
     }
     bool on_time = timestamp_ns >= n->now.state.timestamp_ns, doubted = n->now.doubted;
-    measurement m = measurement_of_pose(timestamp_ns, accepted, information, pull, n->lever, c->pose_noise_rad,
-                                        c->pose_noise_m);
+    measurement m = measurement_of_pose(timestamp_ns, accepted, information, pull, n->lever,
+                                        c->pose_noise_rad, c->pose_noise_m);
     m.of_frame = true;
     m.sound = sound;
     int e = inertial_measure(n, &m);

@@ -6,26 +6,26 @@
 #include "base/se3.h"
 
 #define N RIG_STATES
-#define POSE_NOISE 0.002  /* rad: how wrong alignment has an orientation, usually */
-#define TURN_NOISE 0.008  /* rad/sqrt(rad) of turn: scale and skew of the gyroscope, the lens */
-#define GYRO_NOISE 0.0015 /* rad/sqrt(s), with how alignment drifts */
-#define NOISE_LEAST 0.1   /* of their squares: a better camera and gyroscope than usual */
+#define POSE_NOISE 0.002  /* rad: usual error of alignment's orientation */
+#define TURN_NOISE 0.008  /* rad/sqrt(rad) of rotation: scale and skew of the gyroscope, the lens */
+#define GYRO_NOISE 0.0015 /* rad/sqrt(s), including alignment's drift */
+#define NOISE_LEAST 0.1   /* of their squares: minimum, for a better camera and gyroscope than usual */
 #define NOISE_MOST 25     /* worse ones */
-#define NOISE_RATE 0.02   /* an interval's part in its logarithm */
+#define NOISE_RATE 0.02   /* weight of an interval in its logarithm */
 #define ODD 4             /* squared misfit beyond which an interval counts less */
-#define KNOCKED 1.7       /* squared misfit over MISFIT_INTERVALS: the rig isn't what it was */
+#define KNOCKED 1.7       /* squared misfit over MISFIT_INTERVALS: the rig has changed */
 #define MISFIT_INTERVALS 16
-#define QUIET_RATE 0.03     /* rad/s: slower turning may be noise, and tells nothing */
-#define MOUNTING_WALK 1e-3  /* rad/sqrt(s): how fast what is known gets old */
-#define OFFSET_WALK 3e-4    /* s/sqrt(s): clocks 100 ppm apart part by 1 ms in 10 s */
+#define QUIET_RATE 0.03     /* rad/s: slower rotation may be noise, and is ignored */
+#define MOUNTING_WALK 1e-3  /* rad/sqrt(s): random walk of the mounting */
+#define OFFSET_WALK 3e-4    /* s/sqrt(s): random walk of the offset; clocks 100 ppm apart diverge by 1 ms in 10 s */
 #define BIAS_WALK 2e-4      /* rad/s/sqrt(s) */
 #define STANDS_OUT 2.0      /* sigmas */
-#define LEAST_ROTATION 1e-4 /* rad and s: less isn't worth turning the history for */
+#define LEAST_ROTATION 1e-4 /* rad and s: minimum correction worth changing the history */
 #define LEAST_OFFSET 5e-5
 
 enum { ORIENTATION = 0, MOUNTING = 3, OFFSET = 6, BIAS = 7 };
 
-/* The rig is as uncertain as at first. */
+/* Resets the rig's uncertainty to its start. */
 static void forget(rig_refiner *r) {
     memset(r->covariance, 0, sizeof r->covariance);
     for (int k = 0; k < N; k++) r->covariance[(N + 1) * k] = r->start[k] * r->start[k];
@@ -49,14 +49,15 @@ static void start_orientation(rig_refiner *r, const double from[9]) {
     r->started = true;
 }
 
-/* How much of a rate is no noise, 0 to 1. Noise in what follows would else count as evidence, while standing still. */
+/* The part of a rate that isn't noise, 0 to 1. Otherwise noise at rest would count as evidence. */
 static double loudness(const double rate[3]) {
     double square = rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2];
     return square > QUIET_RATE * QUIET_RATE ? 1 - QUIET_RATE * QUIET_RATE / square : 0;
 }
 
-/* How the errors before an interval become that of the orientation after it. The camera's turn is exp(m) G exp(-m), where
- * G is the gyroscope's between stamps that are earlier by the offset t: exp(rate_from t) turned exp(-rate_to t). */
+/* Jacobian of the orientation's error after an interval by the errors before it. The camera's turn is exp(m) G exp(-m),
+ * where G is the gyroscope's between stamps that are earlier by the offset t: exp(rate_from t) turned exp(-rate_to
+ * t). */
 static void linearise(const rig_interval *i, double seconds, double f[3][N]) {
     double turn[3], rates[3];
     so3_log(i->turned, turn);
@@ -80,7 +81,7 @@ static double multiply_row(const double row[N], const double *column, int stride
     return sum;
 }
 
-/* Carries orientation and errors on over an interval; error: their means, that of the orientation zero before. */
+/* Propagates orientation and errors over an interval; error: their means, that of the orientation zero before. */
 static void predict(rig_refiner *r, const rig_interval *i, double seconds, double error[N]) {
     const double walks[N] = {0,           0,         0,         MOUNTING_WALK, MOUNTING_WALK, MOUNTING_WALK,
                              OFFSET_WALK, BIAS_WALK, BIAS_WALK, BIAS_WALK};
@@ -101,8 +102,8 @@ static void predict(rig_refiner *r, const rig_interval *i, double seconds, doubl
     so3_multiply(r->carried, i->turned, r->carried);
 }
 
-/* The orientation as alignment has it, one axis after the other (Bierman 1977, Section II.8). Returns the mean square of
- * the misfits over what was expected. */
+/* Corrects with alignment's orientation, axis by axis (Bierman 1977, Section II.8). Returns the normalised innovation
+ * squared, per axis. */
 static double update(const double misfit[3], double variance, double error[N], double c[N * N]) {
     double squares = 0, column[N];
     for (int row = 0; row < 3; row++) {
@@ -163,7 +164,7 @@ bool rig_refiner_take(rig_refiner *r, double mounting[3], double *offset) {
     double turn[9], bias[3];
     memcpy(mounting, r->mounting, sizeof r->mounting);
     *offset = r->offset;
-    so3_exp(r->mounting, turn); /* the bias lives in the axes of the mounting in use */
+    so3_exp(r->mounting, turn); /* the bias is in the axes of the mounting in use */
     memcpy(bias, r->bias, sizeof bias);
     for (int k = 0; k < 3; k++)
         r->bias[k] = turn[3 * k] * bias[0] + turn[3 * k + 1] * bias[1] + turn[3 * k + 2] * bias[2];

@@ -1,10 +1,10 @@
-/* Refines the IMU's mounting rotation and clock offset from the way that the camera turned: a Kalman filter of ten states
- * (orientation 3, mounting 3, offset 1, gyro bias 3) that carries the camera's orientation on by the gyroscope and compares
- * it with alignment's. Pure arithmetic; inertial/health/inertial_check.c gathers what it compares, inertial/rig.c acts on what it
- * finds.
+/* Refines the IMU's mounting rotation and clock offset from the camera's rotation: a Kalman filter of ten states
+ * (orientation 3, mounting 3, offset 1, gyro bias 3) that propagates the camera's orientation with the gyroscope and
+ * compares it with alignment's. Pure arithmetic; inertial/health/inertial_check.c gathers its input, inertial/rig.c
+ * applies its results.
  *
- * The states are those of Li and Mourikis 2014, "Online temporal calibration for camera-IMU systems", without translation:
- * rotation alone needs neither the lever nor gravity. */
+ * The states are those of Li and Mourikis 2014, "Online temporal calibration for camera-IMU systems", without
+ * translation: rotation alone needs neither the lever nor gravity. */
 #ifndef FATHOM_EXTRINSICS_H
 #define FATHOM_EXTRINSICS_H
 
@@ -12,24 +12,25 @@
 
 #define RIG_STATES 10
 
-/* What both sides say of the turn between two well-aligned frames, in camera axes as the mounting in use has them. */
+/* The rotation between two well-aligned frames by alignment and by the gyroscope, in camera axes according to the
+ * mounting in use. */
 typedef struct {
     double from[9], to[9]; /* alignment's: camera to world */
-    double turned[9];      /* the gyroscope's, the refiner's bias taken off: later camera to earlier */
-    double by_bias[9];     /* seconds: a bias b more turns it by exp(-by_bias b) */
+    double turned[9];      /* the gyroscope's, less the refiner's bias: later camera to earlier */
+    double by_bias[9];     /* seconds: a further bias b turns it by exp(-by_bias b) */
     double rate_from[3], rate_to[3]; /* rad/s, at both ends, smoothed */
 } rig_interval;
 
 typedef struct {
-    bool started;       /* there is an orientation to go on from */
-    double carried[9];  /* it: camera to world; its error is on the right */
+    bool started;       /* carried is valid */
+    double carried[9];  /* orientation, camera to world; its error is on the right */
     double mounting[3]; /* v_camera = exp(mounting) v, where v has the mounting in use; radians */
-    double offset;      /* seconds to be added to the stamps, beside the offset in use */
+    double offset;      /* seconds to be added to the stamps, in addition to the offset in use */
     double bias[3];     /* of the gyroscope, rad/s */
     double covariance[RIG_STATES * RIG_STATES]; /* orientation, mounting, offset, bias */
     double start[RIG_STATES];                   /* sigmas */
-    double noise;   /* variance of alignment and turn, in units of what is usual */
-    double misfit;  /* squared, as intervals had it lately; 1 is expected */
+    double noise;   /* variance of alignment and rotation, in units of the usual one */
+    double misfit;  /* mean normalised innovation squared of recent intervals; 1 is expected */
     double rate[3]; /* at the end of the last interval */
     int intervals;
 } rig_refiner;
@@ -39,13 +40,13 @@ void rig_refiner_start(rig_refiner *r, double rotation_sigma, double offset_sigm
 /* seconds: of the interval, which begins where the last one ended. */
 void rig_refiner_add(rig_refiner *r, const rig_interval *i, double seconds);
 
-/* There is a gap between the last interval and the next. */
+/* Marks a gap between the last interval and the next. */
 void rig_refiner_break(rig_refiner *r);
 
-/* Sigma of what is found: of the mounting about a camera axis 0..2, rad, or, 3, of the offset, s. */
+/* Sigma of the estimate: of the mounting about camera axis 0..2, rad, or, 3, of the offset, s. */
 double rig_refiner_sigma(const rig_refiner *r, int part);
 
-/* Hands out what is to be applied, once it stands out of its own uncertainty; it then counts as applied. */
+/* Writes the correction to apply, once it exceeds its own uncertainty; it then counts as applied. */
 bool rig_refiner_take(rig_refiner *r, double mounting[3], double *offset);
 
 #endif

@@ -17,7 +17,7 @@ using Observation = Eigen::Matrix<double, 6, NAVIGATOR_STATES>;
 using RowObservation = Eigen::Matrix<double, 6, NAVIGATOR_STATES, Eigen::RowMajor>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-#define USUAL_RATE 0.3 /* rad/s: a hand's turning that keeps its direction, for what it does to a bias */
+#define USUAL_RATE 0.3 /* rad/s: sustained rotation of a hand-held camera, for the growth of a bias's error */
 
 enum {
     ROTATION = NAVIGATOR_ROTATION,
@@ -60,7 +60,7 @@ void navigator_start(navigator *n, const pose *imu_to_world, const double gravit
     c.block<3, 3>(GRAVITY, GRAVITY) += bias * Matrix3d::Identity();
 }
 
-/* Sola 2017, eq. 260 (nominal) and 268 to 271 (error), with the orientation taken amid the stretch. */
+/* Sola 2017, eq. 260 (nominal) and 268 to 271 (error), with the orientation at the middle of the step. */
 void navigator_step(navigator *n, double dt, const double gyro[3], const double accel[3],
                     const navigator_noise *noise) {
     Eigen::Map<Rotation> r(n->r);
@@ -108,7 +108,8 @@ void navigator_step(navigator *n, double dt, const double gyro[3], const double 
         c(GYRO_BIAS + i, GYRO_BIAS + i) += noise->gyro_walk * noise->gyro_walk * dt;
         c(ACCEL_BIAS + i, ACCEL_BIAS + i) += noise->accel_walk * noise->accel_walk * dt;
     }
-    /* A map that turns slowly takes the orientation, the velocity and gravity with it: what is down for the IMU stays. */
+    /* Slow drift of the map's rotation turns orientation, velocity and gravity alike: gravity in the IMU's axes
+     * stays. */
     Eigen::Matrix<double, NAVIGATOR_STATES, 3> turned_map =
         Eigen::Matrix<double, NAVIGATOR_STATES, 3>::Zero();
     turned_map.block<3, 3>(ROTATION, 0) = r.transpose();
@@ -118,8 +119,8 @@ void navigator_step(navigator *n, double dt, const double gyro[3], const double 
     stored = 0.5 * (c + c.transpose());
 }
 
-/* How the error moves the camera's pose (right perturbation): the camera is at p - R lever, so it turns by the same angle
- * and moves by R^T dp + lever x rotation, in its own axes. */
+/* Jacobian of the camera's pose (right perturbation): the camera is at p - R lever, so it turns by the same angle and
+ * moves by R^T dp + lever x rotation, in its own axes. */
 static Observation camera_of_error(const navigator *n, const double lever[3]) {
     Observation h = Observation::Zero();
     h.block<3, 3>(0, ROTATION) = Matrix3d::Identity();
@@ -142,7 +143,8 @@ void navigator_camera_covariance(const navigator *n, const double lever[3], doub
         h * Eigen::Map<const RowCovariance>(n->covariance) * h.transpose();
 }
 
-void navigator_camera_jacobian(const navigator *n, const double lever[3], double jacobian[6 * NAVIGATOR_STATES]) {
+void navigator_camera_jacobian(const navigator *n, const double lever[3],
+                               double jacobian[6 * NAVIGATOR_STATES]) {
     Eigen::Map<RowObservation> j(jacobian);
     j = camera_of_error(n, lever);
 }
@@ -169,7 +171,7 @@ void navigator_perturb(navigator *n, const double error[NAVIGATOR_STATES]) {
     }
 }
 
-/* A measurement held against the state: Sola 2017, Section 6.1, with the information Y of the measurement, which may be
+/* Gain and innovation of a measurement: Sola 2017, Section 6.1, with the information Y of the measurement, which may be
  * singular, instead of its covariance: the gain is K = P H^T W with W = (I + Y H P H^T)^-1 Y. */
 struct Comparison {
     Eigen::Matrix<double, NAVIGATOR_STATES, 6> ph;

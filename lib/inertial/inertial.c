@@ -27,7 +27,7 @@ int inertial_push(inertial *n, const fathom_imu_sample *sample) {
 }
 
 void inertial_drain(inertial *n) {
-    for (unsigned i = samples_waiting(&n->samples); i > 0; i--) { /* those that were there: pushing may go on */
+    for (unsigned i = samples_waiting(&n->samples); i > 0; i--) { /* only those present now: pushing may go on */
         fathom_imu_sample raw;
         if (!samples_pop(&n->samples, &raw)) continue;
         plausibility_sample(&n->check, raw.timestamp_ns, raw.gyro, raw.accel);

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #define EXACT 1e12            /* information, 1/rad^2 and 1/m^2, of an exact pose */
-#define MAX_STILL_SQUARES 12.0 /* of three: one in a hundred is further */
+#define MAX_STILL_SQUARES 12.0 /* squared Mahalanobis distance of three values that one in a hundred exceeds */
 
 static void linearise_pose(const measurement *m, const navigator *n, linearisation *out) {
     pose camera = navigator_camera(n, m->lever), way = pose_between(&camera, &m->camera_to_world);
@@ -12,7 +12,7 @@ static void linearise_pose(const measurement *m, const navigator *n, linearisati
     navigator_camera_jacobian(n, m->lever, out->jacobian);
 }
 
-/* Three states that are measured as they are. */
+/* Three states, measured directly. */
 static void linearise_states(linearisation *out, int first, const double state[3], const double value[3]) {
     for (int i = 0; i < 3; i++) {
         out->residual[i] = value[i] - state[i];
@@ -32,8 +32,9 @@ measurement measurement_of_nothing(int64_t timestamp_ns) {
     return (measurement){.timestamp_ns = timestamp_ns, .max_squares = INFINITY};
 }
 
-measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world, const double information[36],
-                                const double pull[6], const double lever[3], double floor_rad, double floor_m) {
+measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world,
+                                const double information[36], const double pull[6], const double lever[3],
+                                double floor_rad, double floor_m) {
     measurement m = measurement_of_nothing(timestamp_ns);
     m.linearise = linearise_pose;
     m.camera_to_world = *camera_to_world;

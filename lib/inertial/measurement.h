@@ -1,5 +1,5 @@
-/* Measurements: everything that corrects the navigator. A measurement has a stamp, a residual and its Jacobian over the error
- * state, an information, and what the gate needs. Residual and Jacobian are functions of the state, so that a late
+/* Measurements: everything that corrects the navigator. A measurement has a stamp, a residual and its Jacobian over the
+ * error state, an information, and the gate's limit. Residual and Jacobian are functions of the state, so that a late
  * measurement, and those that came after it, can be linearised anew at the state of their time.
  *
  * A new kind of measurement is a builder here with its linearise function; nothing else changes. */
@@ -20,30 +20,34 @@ extern "C" {
 
 typedef struct {
     double residual[MEASUREMENT_ROWS];                    /* measured less predicted */
-    double jacobian[MEASUREMENT_ROWS * NAVIGATOR_STATES]; /* of the measured value by the error, row-major */
+    double jacobian[MEASUREMENT_ROWS * NAVIGATOR_STATES]; /* of the measured value by the error state, row-major */
 } linearisation;
 
 struct measurement {
     int64_t timestamp_ns;
-    /* Writes residual and Jacobian at a state; out is zero before. NULL: only the time goes on. */
+    /* Writes residual and Jacobian at a state; out is zero before. NULL: only propagates. */
     void (*linearise)(const measurement *m, const navigator *n, linearisation *out);
     double information[MEASUREMENT_ROWS * MEASUREMENT_ROWS]; /* row-major, may be singular */
-    double floors[MEASUREMENT_ROWS]; /* sigmas of what the information doesn't count, in units of the mismatch */
-    double pull[MEASUREMENT_ROWS];   /* where the value was found jointly with the prior: the information times the way from
-                                        it to what the measurement alone says, so that the prior doesn't count twice */
-    double max_squares;              /* squared Mahalanobis distance beyond which it is left out; INFINITY: never */
-    bool of_frame;                   /* an accepted frame's pose */
-    bool sound;                      /* and one that mismatch and doubt (inertial/correct.c) learn from */
-    /* what linearise reads */
+    double floors[MEASUREMENT_ROWS]; /* sigmas of errors beyond the information, in units of the mismatch */
+    /* for a value estimated jointly with the prior: the information times the difference from it to the measurement's
+     * own optimum, so that the prior doesn't count twice */
+    double pull[MEASUREMENT_ROWS];
+    double max_squares;              /* maximum normalised innovation squared; beyond it the measurement is rejected.
+                                        INFINITY: none */
+    bool of_frame; /* an accepted frame's pose */
+    bool sound;    /* and one that mismatch and doubt (inertial/correct.c) learn from */
+    /* input of linearise */
     pose camera_to_world;
     double lever[3];
     double value[3];
 };
 
-/* A camera pose with its information (6x6, right perturbation, rotation then translation); directions without information
- * correct nothing; NULL: the pose is exact. pull: see above; NULL: none. lever: the IMU's origin in camera axes. */
-measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world, const double information[36],
-                                const double pull[6], const double lever[3], double floor_rad, double floor_m);
+/* A camera pose with its information (6x6, right perturbation, rotation then translation); directions without
+ * information correct nothing; NULL: the pose is exact. pull: see above; NULL: none. lever: the IMU's origin in camera
+ * axes. */
+measurement measurement_of_pose(int64_t timestamp_ns, const pose *camera_to_world,
+                                const double information[36], const double pull[6], const double lever[3],
+                                double floor_rad, double floor_m);
 
 /* The IMU is at rest: its velocity is zero ... */
 measurement measurement_of_rest(int64_t timestamp_ns, double velocity_sigma);
@@ -51,10 +55,10 @@ measurement measurement_of_rest(int64_t timestamp_ns, double velocity_sigma);
 /* ... and its gyroscope reads its bias, here the mean over the stillness. */
 measurement measurement_of_gyro_bias(int64_t timestamp_ns, const double mean[3], double sigma);
 
-/* Nothing is measured: the state only goes on to that time. */
+/* No measurement: only propagates the state to that time. */
 measurement measurement_of_nothing(int64_t timestamp_ns);
 
-/* The IMU turns out to be mounted otherwise (navigator_turn_imu): what was measured in its axes turns with it. */
+/* Corrects the IMU's mounting (navigator_turn_imu): turns values measured in its axes. */
 void measurement_turn_imu(measurement *m, const double turn[3]);
 
 #ifdef __cplusplus

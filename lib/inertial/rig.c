@@ -1,4 +1,4 @@
-/* The rig's mounting rotation and clock offset while scanning: as the settings say, or refined (inertial/extrinsics.h). */
+/* The rig's mounting rotation and clock offset while scanning: the settings', or refined (inertial/extrinsics.h). */
 #include <math.h>
 #include <string.h>
 
@@ -12,7 +12,7 @@ void inertial_rig_reset(inertial *n) {
                       c->gyro_bias_sigma_rad_s);
 }
 
-/* From here on the rig is another, for the samples at hand as well. */
+/* Applies a correction of the rig, to the present samples as well. */
 static void apply(inertial *n, const double mounting[3], double offset) {
     samples_remount(&n->samples, mounting, llround(1e9 * offset));
     if (!n->running) return;
@@ -42,7 +42,8 @@ void inertial_rig(const inertial *n, fathom_rig *rig) {
     so3_multiply(part, n->samples.rotation, whole);
     for (int i = 0; i < 9; i++) rig->imu_to_camera_rotation[i] = (float)whole[i];
     for (int i = 0; i < 3; i++) rig->rotation_sigma[i] = refined ? (float)rig_refiner_sigma(r, i) : 0;
-    rig->imu_clock_offset_ns = n->config->imu_clock_offset_ns + n->samples.refined_ns + llround(1e9 * r->offset);
+    rig->imu_clock_offset_ns =
+        n->config->imu_clock_offset_ns + n->samples.refined_ns + llround(1e9 * r->offset);
     rig->clock_sigma_ns = refined ? llround(1e9 * rig_refiner_sigma(r, 3)) : 0;
     rig->intervals = r->intervals;
 }

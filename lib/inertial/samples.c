@@ -6,10 +6,11 @@
 #include "base/log.h"
 #include "base/stamps.h"
 
-#define LATE_SAMPLES 50    /* this many out of order in a row are right and the one before them was wrong */
-#define MAX_RATE 100.0     /* rad/s: no sensor for a hand reads more */
+/* after this many consecutive ones out of order, these are right and the one before them was wrong */
+#define LATE_SAMPLES 50
+#define MAX_RATE 100.0     /* rad/s: beyond the range of inertial sensors */
 #define MAX_FORCE 2000.0   /* m/s^2, the same */
-#define SUDDEN_RATE 5.0    /* rad/s from one sample to the next and back: a glitch, no hand */
+#define SUDDEN_RATE 5.0    /* rad/s from one sample to the next and back: a glitch, not hand-held motion */
 #define SUDDEN_FORCE 100.0 /* m/s^2, the same */
 
 static unsigned ring_capacity(const fathom_config *c) {
@@ -41,9 +42,9 @@ void samples_reset(imu_samples *s) {
     stillness_reset(&s->still, s->config->gyro_bias_sigma_rad_s);
 }
 
-/* ---- the pushing thread's -------------------------------------------------------------------------------------------- */
+/* ---- the pushing thread's ---------------------------------------------------------------------------------------- */
 
-/* No sensor's value. False for NaN, which may be an accelerometer that isn't there. */
+/* Whether a value is impossible. False for NaN, which may stand for a missing accelerometer. */
 static bool absurd(const fathom_imu_sample *s) {
     for (int i = 0; i < 3; i++)
         if (fabsf(s->gyro[i]) > MAX_RATE || fabsf(s->accel[i]) > MAX_FORCE) return true;
@@ -75,7 +76,7 @@ int samples_push(imu_samples *s, const fathom_imu_sample *sample) {
     return FATHOM_OK;
 }
 
-/* ---- into the history ------------------------------------------------------------------------------------------------ */
+/* ---- into the history -------------------------------------------------------------------------------------------- */
 
 unsigned samples_waiting(const imu_samples *s) {
     return atomic_load_explicit(&s->head, memory_order_acquire) -
@@ -92,7 +93,7 @@ bool samples_pop(imu_samples *s, fathom_imu_sample *raw) {
     return valid;
 }
 
-/* A sample takes its place in the history, or is dropped as out of order. */
+/* Adds a sample to the history, or drops it as out of order. */
 static void append(imu_samples *s, const inertial_sample *fresh) {
     if (s->count > 0) {
         int64_t last = sample_at(s, s->count - 1)->timestamp_ns, step = fresh->timestamp_ns - last;
@@ -100,7 +101,7 @@ static void append(imu_samples *s, const inertial_sample *fresh) {
             s->out_of_order++;
             if (s->late == 0) s->late_ns = fresh->timestamp_ns;
             if (++s->late < LATE_SAMPLES) return;
-            /* not stragglers: the clock was set back, or one stamp lay far ahead. Start anew from here */
+            /* not late ones: the clock was set back, or one stamp was far ahead; start anew from here */
             s->count = 0;
             s->period_ns = 0;
             step = 0;
@@ -125,7 +126,8 @@ static void append(imu_samples *s, const inertial_sample *fresh) {
     s->count++;
     *sample_at(s, s->count - 1) = *fresh;
     s->accepted++;
-    stillness_add(&s->still, fresh->gyro, fresh->accel, 1e-9 * (double)s->period_ns, s->config->gyro_noise_rad_s_sqrthz);
+    stillness_add(&s->still, fresh->gyro, fresh->accel, 1e-9 * (double)s->period_ns,
+                  s->config->gyro_noise_rad_s_sqrthz);
 }
 
 static bool sudden(const inertial_sample *a, const inertial_sample *b) {
@@ -157,7 +159,7 @@ void samples_take(imu_samples *s, const fathom_imu_sample *raw) {
         append(s, &fresh);
 }
 
-/* ---- clock and mounting ---------------------------------------------------------------------------------------------- */
+/* ---- clock and mounting ------------------------------------------------------------------------------------------ */
 
 void samples_follow_clock(imu_samples *s, int64_t frame_ns) {
     if (s->count == 0 || s->accepted == s->watched) return;
@@ -195,7 +197,7 @@ void samples_remount(imu_samples *s, const double mounting[3], int64_t later_ns)
     stillness_end(&s->still);
 }
 
-/* ---- looking back ---------------------------------------------------------------------------------------------------- */
+/* ---- looking back ------------------------------------------------------------------------------------------------ */
 
 int samples_find(const imu_samples *s, int64_t t) {
     int low = -1, high = (int)s->count;

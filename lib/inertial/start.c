@@ -5,7 +5,7 @@
 
 #include "inertial/strapdown.h"
 
-/* Gravity, from the specific force of the last quarter of a second, as if that had been without acceleration. */
+/* Gravity, from the specific force of the last quarter of a second, assuming no acceleration. */
 void inertial_start(inertial *n, const pose *accepted, int64_t timestamp_ns) {
     const fathom_config *c = n->config;
     navigator s;
@@ -26,7 +26,8 @@ void inertial_start(inertial *n, const pose *accepted, int64_t timestamp_ns) {
     length = sqrt(length);
     if (used > 0 && length > 1e-6)
         for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 3; k++) gravity[j] -= accepted->r[3 * j + k] * force[k] / length * c->gravity_m_s2;
+            for (int k = 0; k < 3; k++)
+                gravity[j] -= accepted->r[3 * j + k] * force[k] / length * c->gravity_m_s2;
     bool still = 1e-9 * (double)n->samples.period_ns * n->samples.still.samples > 0.1;
     pose imu = inertial_imu_pose(n, accepted);
     double gravity_sigma = used == 0 ? 10 : still ? 0.03 : 1;

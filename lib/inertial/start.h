@@ -4,10 +4,10 @@
 
 #include "inertial/inertial.h"
 
-/* At an accepted pose, gravity by the specific force before it. */
+/* Starts at an accepted pose, with gravity from the specific force before it. */
 void inertial_start(inertial *n, const pose *accepted, int64_t timestamp_ns);
 
-/* Anew at the last accepted pose: what was made of wrong samples is in all of the state. */
+/* Starts again at the last accepted pose, since wrong samples have affected the whole state. */
 void inertial_start_again(inertial *n);
 
 #endif

@@ -4,10 +4,10 @@
 #include <string.h>
 
 #define WINDOW 0.05       /* s */
-#define GYRO 0.06         /* rad/s: a bias at most; a hand turns more */
+#define GYRO 0.06         /* rad/s: maximum of a bias; a hand turns faster */
 #define GYRO_CHANGE 0.03  /* rad/s away from the mean of the stillness so far */
 #define ACCEL_CHANGE 0.25 /* m/s^2, the same */
-#define BIAS_AGE 2e-4     /* rad/s/sqrt(s): how fast a known bias gets old */
+#define BIAS_AGE 2e-4     /* rad/s/sqrt(s): random walk of a known bias */
 
 void stillness_reset(stillness *w, double gyro_bias_sigma) {
     memset(w, 0, sizeof *w);
@@ -24,9 +24,10 @@ void stillness_age(stillness *w, double seconds) {
     w->gyro_bias_sigma = sqrt(w->gyro_bias_sigma * w->gyro_bias_sigma + BIAS_AGE * BIAS_AGE * seconds);
 }
 
-/* Over windows, so that white noise averages out, the gyroscope at rest reads its bias and nothing else. Its mean is taken
- * over as long as the stillness lasts. */
-void stillness_add(stillness *w, const double gyro[3], const double accel[3], double period, double gyro_noise) {
+/* Averaged over windows, to suppress white noise, the gyroscope at rest reads its bias only. Its mean is taken over as
+ * long as the stillness lasts. */
+void stillness_add(stillness *w, const double gyro[3], const double accel[3], double period,
+                   double gyro_noise) {
     double before = w->samples;
     if (w->window_samples == 0 || w->window_samples * period > 10 * WINDOW) { /* or a gap */
         memset(w->window_gyro, 0, sizeof w->window_gyro);

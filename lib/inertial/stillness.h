@@ -1,4 +1,4 @@
-/* Notices from the samples alone that the IMU may be at rest, and learns the gyroscope's bias from it. */
+/* Detects from the samples alone that the IMU may be at rest, and estimates the gyroscope's bias then. */
 #ifndef FATHOM_STILLNESS_H
 #define FATHOM_STILLNESS_H
 
@@ -9,7 +9,7 @@
 
 #define STILL_SECONDS 0.4 /* this long without motion is a still start */
 
-/* Sums over the stillness at hand, over the samples of it that have corrected the navigator, and over the window that is
+/* Sums over the current stillness, over those of its samples that have corrected the navigator, and over the window
  * being filled. */
 typedef struct {
     int samples, used, window_samples;
@@ -24,13 +24,14 @@ typedef struct {
 /* Forgets everything; the bias is zero within gyro_bias_sigma. */
 void stillness_reset(stillness *w, double gyro_bias_sigma);
 
-/* Time goes by: the bias that is known gets old. */
+/* Ages the bias: its sigma grows. */
 void stillness_age(stillness *w, double seconds);
 
 /* The next sample, in camera axes. period: seconds between samples; gyro_noise: rad/s/sqrt(Hz). */
-void stillness_add(stillness *w, const double gyro[3], const double accel[3], double period, double gyro_noise);
+void stillness_add(stillness *w, const double gyro[3], const double accel[3], double period,
+                   double gyro_noise);
 
-/* There is motion, or a gap: the bias stays. */
+/* Ends the stillness after motion or a gap; the bias stays. */
 void stillness_end(stillness *w);
 
 #endif

@@ -4,11 +4,11 @@
 
 #include "inertial/inertial.h"
 
-/* Takes a state forward or back to another time over the samples of the history; where there are none the last velocity is
- * kept for as long as a hand keeps it. */
+/* Propagates a state forward or back to another time over the samples of the history; without samples at constant
+ * velocity, for as long as hand-held motion allows. */
 void navigate(inertial *n, navigator *s, int64_t to_ns);
 
-/* A state for when there is none: at rest somewhere, to be integrated from. */
+/* A state to integrate from when there is none: at rest, at an arbitrary pose. */
 void navigator_rest(inertial *n, navigator *s, int64_t timestamp_ns);
 
 #endif

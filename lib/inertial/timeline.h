@@ -1,22 +1,23 @@
-/* The recent past of the navigator: what measurements have made of it, so that one that comes late is applied in its turn. */
+/* The recent past of the navigator: its state after each measurement, so that a late one is applied in order. */
 #ifndef FATHOM_TIMELINE_H
 #define FATHOM_TIMELINE_H
 
 #include "base/arena.h"
 #include "inertial/measurement.h"
 
-#define TIMELINE_MOMENTS 24 /* with a frame's pose and, at rest, two measurements of that: a quarter of a second at 30 Hz */
+/* with a frame's pose and, at rest, two measurements of that: a quarter of a second at 30 Hz */
+#define TIMELINE_MOMENTS 24
 #define TIMELINE_NS 1000000000 /* none is looked for further back than this: a bound on the samples to go over again */
 
-/* All that measurements change. */
+/* The state that measurements change. */
 typedef struct {
     navigator state;      /* at the last measurement */
-    double mismatch;      /* how far poses and inertia disagree: sigmas in units of the settings' */
-    bool doubted;         /* the gyroscope contradicts the poses: gone on without the samples until it doesn't */
-    int against;          /* accepted poses in a row that it contradicted */
-    double gyro_error;    /* rad^2: the turn from pose to pose, as the samples foretold it wrongly */
-    double turn_error;    /* the same without samples, from the poses before */
-    double turning[3];    /* rad/s in camera axes, from the last two poses: for when there is no gyroscope */
+    double mismatch;      /* disagreement of poses and inertia: sigmas in units of the settings' */
+    bool doubted;         /* the gyroscope contradicts the poses and is ignored until it agrees again */
+    int against;          /* consecutive accepted poses that it contradicted */
+    double gyro_error;    /* rad^2: error of the rotation between poses as the samples predict it */
+    double turn_error;    /* the same as the previous poses predict it, without samples */
+    double turning[3];    /* rad/s in camera axes, from the last two poses; used without a gyroscope */
     int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
     pose corrected;       /* that pose */
 } navigation;
@@ -44,8 +45,8 @@ void timeline_restart(timeline *t, const navigation *now);
 /* Index of the last moment at or before a stamp, or -1: none is so old, or it is too far back. */
 int timeline_find(const timeline *t, int64_t timestamp_ns);
 
-/* Makes room for a moment before the i-th (i = count: at the end), which is the caller's to fill in; the oldest goes when there
- * are too many. Returns its index. i >= 1. */
+/* Makes room for a moment before the i-th (i = count: at the end), which the caller fills in; the oldest is dropped
+ * when full. Returns its index. i >= 1. */
 int timeline_insert(timeline *t, int i);
 
 #endif

@@ -1,4 +1,4 @@
-/* Blocks of the pool for the caller, some at a time: all, or those that have changed. */
+/* Blocks of the pool for the caller, in pieces: all, or those that have changed. */
 #ifndef FATHOM_BLOCK_PULL_H
 #define FATHOM_BLOCK_PULL_H
 

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* The table has at least two entries a block, so that a search ends soon. */
+/* The table has a minimum of two entries per block, so that searches are short. */
 static size_t table_entries(int blocks) {
     size_t n = 1024;
     while (n < 2 * (size_t)blocks) n *= 2;

@@ -2,8 +2,8 @@
 
 #include <string.h>
 
-#define IN_VIEW 3 /* frames: a block that was seen so lately stays (calm frames fuse half of them) */
-#define SHARE 16   /* of the pool that goes at a time, so that it isn't done for every frame */
+#define IN_VIEW 3 /* frames: blocks seen this recently stay (calm frames fuse half of them) */
+#define SHARE 16   /* fraction of the pool that is dropped at a time, so that it isn't done for every frame */
 
 static int older_than(const cl_int *seen, int count, int frame) {
     int n = 0;
@@ -11,7 +11,7 @@ static int older_than(const cl_int *seen, int count, int frame) {
     return n;
 }
 
-/* The frame before which blocks were last seen that must go: as few as are enough. */
+/* The frame before which blocks must have been last seen to be dropped: as few as are enough. */
 static int cutoff(const cl_int *seen, int count, int frames, int wanted) {
     int low = 0, high = frames - IN_VIEW;
     if (high <= low || older_than(seen, count, high) <= wanted) return high;

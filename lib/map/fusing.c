@@ -2,7 +2,7 @@
 
 #include "base/stamps.h"
 
-#define CALM_M 0.03 /* the camera's way from one fused frame to the next */
+#define CALM_M 0.03 /* the camera's motion between fused frames */
 #define CALM_RAD 0.04
 
 void fusing_init(fusing *f, device *d, const fathom_config *config, depth_maps *maps, volume *v,

@@ -1,5 +1,5 @@
-/* The line Fusion(scan, rigidICP) of Figure 2: whether the whole frame or half of it goes into the surface, and room at the
- * pool's bound. */
+/* The line Fusion(scan, rigidICP) of Figure 2: whether all of the frame or half of it is fused, and room in a full
+ * pool. */
 #ifndef FATHOM_FUSING_H
 #define FATHOM_FUSING_H
 
@@ -18,10 +18,11 @@ typedef struct {
 void fusing_init(fusing *f, device *d, const fathom_config *config, depth_maps *maps, volume *v,
                  integrator *g, caller_store *s);
 
-/* The camera has hardly moved since the last frame that was fused: half of this one will do, the other half with the next. */
+/* Whether the camera has hardly moved since the last fused frame: then half of this frame is fused, and the other half
+ * of the blocks with the next one. */
 bool fusing_is_calm(const fusing *f, const pose *at);
 
-/* Puts the frame in the maps into the surface, as seen from there, and reports it: fused, pool_full, blocks_*, ms_fuse. */
+/* Fuses the frame in the maps into the surface at a pose, and reports it: fused, pool_full, blocks_*, ms_fuse. */
 void fuse(fusing *f, const pose *at, fathom_result *r);
 
 #endif

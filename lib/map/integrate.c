@@ -57,12 +57,13 @@ int integrator_request(integrator *g, device *d, volume *v, depth_maps *maps, co
     return wanted;
 }
 
-void integrator_mark_seen(integrator *g, device *d, volume *v, depth_maps *maps, const pose *camera_to_world) {
+void integrator_mark_seen(integrator *g, device *d, volume *v, depth_maps *maps,
+                          const pose *camera_to_world) {
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid rigid = kernel_rigid_of(&inverse);
     cl_int frame = g->frames + 1;
-    RUN(d, g->mark_seen, (size_t)v->pool.count, 1, 1, ARG(maps->camera[FINEST]), ARG(g->farthest.memory), ARG(rigid),
-        ARG(v->surface), ARG(v->pool.keys.memory), ARG(frame), ARG(v->pool.seen.memory));
+    RUN(d, g->mark_seen, (size_t)v->pool.count, 1, 1, ARG(maps->camera[FINEST]), ARG(g->farthest.memory),
+        ARG(rigid), ARG(v->surface), ARG(v->pool.keys.memory), ARG(frame), ARG(v->pool.seen.memory));
 }
 
 int integrator_allocate(integrator *g, device *d, volume *v) {
@@ -71,7 +72,7 @@ int integrator_allocate(integrator *g, device *d, volume *v) {
     cl_int *counts = device_map(d, &g->counts, CL_MAP_READ);
     cl_int4 *requests = device_map(d, &g->requests, CL_MAP_READ);
     bool mapped = volume_map(v, d, CL_MAP_READ | CL_MAP_WRITE, false, &view);
-    /* tile by tile, slot by slot: the order in which places are given depends on the frame alone */
+    /* tile by tile, slot by slot: the order of the places depends on the frame alone */
     for (int i = 0; counts && requests && mapped && i < g->tiles; i++)
         for (int j = 0; j < counts[i]; j++) {
             const cl_int4 *key = &requests[i * TILE_SLOTS + j];
@@ -92,7 +93,7 @@ int integrator_allocate(integrator *g, device *d, volume *v) {
 
 void integrator_clear_blocks(integrator *g, device *d, volume *v, int first, int count) {
     cl_int from = first;
-    /* a group of one: PoCL compiles a kernel anew for each size of group, and would choose by the count */
+    /* a group of one: PoCL compiles a kernel for each group size, and would choose the size by the count */
     RUN(d, g->clear, (size_t)count, BLOCK_SHORTS / 8, 1, ARG(from), ARG(v->pool.voxels.memory));
 }
 

@@ -24,14 +24,14 @@ void mesher_close(mesher *m) {
     for (int i = 0; i < 4; i++) device_buffer_free(buffers[i]);
 }
 
-/* ---- triangles ---------------------------------------------------------------------------------------------------------- */
+/* ---- triangles --------------------------------------------------------------------------------------------------- */
 
 static bool count(mesh_walk *w, mesher *m, device *d) {
     volume *v = w->volume;
     const int blocks = w->end - w->next < MESH_BATCH ? w->end - w->next : MESH_BATCH;
     cl_int from = w->next;
-    RUN(d, m->count, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory), ARG(w->surface),
-        ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->counts.memory));
+    RUN(d, m->count, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory),
+        ARG(w->surface), ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->counts.memory));
     cl_int *mapped = device_map(d, &m->counts, CL_MAP_READ);
     if (mapped) memcpy(w->counts, mapped, (size_t)blocks * sizeof *mapped);
     device_unmap(d, &m->counts, mapped);
@@ -40,7 +40,7 @@ static bool count(mesh_walk *w, mesher *m, device *d) {
     return mapped;
 }
 
-/* Emits blocks first..first+blocks-1, which make `triangles` in all, and hands them over. */
+/* Emits the triangles of blocks first..first+blocks-1, `triangles` in all, and passes them to the callback. */
 static int emit(mesher *m, device *d, volume *v, const kernel_surface *f, int first, int blocks,
                 const cl_int *counts, int triangles, fathom_triangles callback, void *user) {
     cl_int *offsets = device_map(d, &m->offsets, CL_MAP_WRITE);
@@ -51,7 +51,8 @@ static int emit(mesher *m, device *d, volume *v, const kernel_surface *f, int fi
     }
     device_unmap(d, &m->offsets, offsets);
     cl_int from = first;
-    /* groups of one: Intel's compiler for CPUs (2026.2.0), given more, makes wrong normals of several blocks at once */
+    /* groups of one: Intel's compiler for CPUs (2026.2.0), with more, computes wrong normals for several blocks at
+     * once */
     RUN(d, m->emit, (size_t)blocks, 1, 1, ARG(v->pool.voxels.memory), ARG(v->table.entries.memory), ARG(*f),
         ARG(v->pool.keys.memory), ARG(m->cases.memory), ARG(from), ARG(m->offsets.memory),
         ARG(m->vertices.memory));
@@ -70,7 +71,8 @@ void mesh_walk_start(mesh_walk *w, volume *v, float min_weight, int next) {
     w->counted = 0;
 }
 
-int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles, void *user) {
+int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles,
+                   void *user) {
     if (capacity > MESH_TRIANGLES) capacity = MESH_TRIANGLES;
     while (w->next < w->end) {
         if (w->next == w->from + w->counted && !count(w, m, d)) return d->error;
@@ -79,8 +81,8 @@ int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_
         while (i < w->counted && sum + w->counts[i] <= capacity) sum += w->counts[i++];
         w->next = w->from + i;
         if (sum > 0)
-            return emit(m, d, w->volume, &w->surface, w->from + first, i - first, w->counts + first, sum, triangles,
-                        user);
+            return emit(m, d, w->volume, &w->surface, w->from + first, i - first, w->counts + first, sum,
+                        triangles, user);
         if (i < w->counted) break;
     }
     return d->error;

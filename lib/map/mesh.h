@@ -10,14 +10,14 @@
 typedef struct {
     device_buffer cases; /* marching cubes' table */
     device_buffer counts, offsets;
-    device_buffer vertices; /* 18 floats a triangle */
+    device_buffer vertices; /* 18 floats per triangle */
     cl_kernel count, emit;
 } mesher;
 
 void mesher_init(mesher *m, device *d, arena *a);
 void mesher_close(mesher *m);
 
-/* A way along the blocks of a volume, some whole ones at a time. */
+/* A walk along the blocks of a volume, a number of whole ones at a time. */
 typedef struct {
     volume *volume;
     kernel_surface surface;
@@ -26,12 +26,13 @@ typedef struct {
     cl_int counts[MESH_BATCH];
 } mesh_walk;
 
-/* From a place on. min_weight: as in fathom_extract_mesh. */
+/* Starts at a place. min_weight: as in fathom_extract_mesh. */
 void mesh_walk_start(mesh_walk *w, volume *v, float min_weight, int next);
 
-/* Hands over the triangles of the next blocks, at most `capacity` of them. Returns their number; 0 at the end, or when the
- * next block has more (w->next tells); or an error. */
-int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles, void *user);
+/* Passes the triangles of the next blocks to the callback, up to `capacity`. Returns their number; 0 at the end, or
+ * when the next block has more (see w->next); or an error. */
+int mesh_walk_next(mesh_walk *w, mesher *m, device *d, int64_t capacity, fathom_triangles triangles,
+                   void *user);
 
 /* Runs both kernels on the first block. */
 void mesh_warm_up(mesher *m, device *d, volume *v);

@@ -9,9 +9,10 @@ static int edge_between(int a, int b) {
     return -1;
 }
 
-static const uint8_t faces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+static const uint8_t faces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
+                                    {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
 
-/* Do three edges lie on one face? */
+/* Whether three edges lie on one face. */
 static bool on_a_face(int a, int b, int c) {
     for (int f = 0; f < 6; f++) {
         int on = 0;
@@ -24,8 +25,8 @@ static bool on_a_face(int a, int b, int c) {
     return false;
 }
 
-/* A loop's fan from its start-th edge. A triangle within a face would lie back to back with one of the next cube, which may
- * make the same: no fan with such a triangle is taken, and for each loop there is one without. */
+/* A loop's fan from its start-th edge. A triangle within a face would lie back to back with one of the next cube, which
+ * may have the same: fans with such a triangle are skipped; each loop has one without. */
 static bool fan(const int *loop, int length, int start, uint8_t *out) {
     for (int i = 1; i + 1 < length; i++) {
         int a = loop[start], b = loop[(start + i) % length], c = loop[(start + i + 1) % length];
@@ -38,8 +39,9 @@ static bool fan(const int *loop, int length, int start, uint8_t *out) {
 }
 
 /* On each face the surface's trace joins the edge where a walk around the face enters the inside with the edge where it
- * leaves again. Two cubes that share a face so agree on it, even where its corners alternate, and the mesh has no holes.
- * Each crossed edge is entered on one of its faces and left on the other, so the joins form loops; each loop is a fan. */
+ * leaves again. Two cubes that share a face so agree on it, even where its corners alternate, and the mesh has no
+ * holes. Each crossed edge is entered on one of its faces and left on the other, so the joins form loops; each loop is
+ * a fan. */
 void mesh_cases(uint8_t table[256 * CASE_SIZE]) {
     memset(table, CASE_END, 256 * CASE_SIZE);
     for (int kind = 0; kind < 256; kind++) {

@@ -28,11 +28,11 @@ void raycast_view(raycaster *r, device *d, const kernel_camera *camera, const po
     pose inverse = pose_inverse(camera_to_world);
     kernel_rigid to_camera = kernel_rigid_of(&inverse), to_world = kernel_rigid_of(camera_to_world);
     RUN(d, r->clear_ranges, (size_t)kernel_tiles(camera), 1, 0, ARG(r->ranges.memory));
-    RUN(d, r->range_blocks, (size_t)r->from->pool.count, 1, 1, ARG(r->from->pool.keys.memory), ARG(r->from->surface),
-        ARG(*camera), ARG(to_camera), ARG(near_m), ARG(far_m), ARG(r->ranges.memory));
+    RUN(d, r->range_blocks, (size_t)r->from->pool.count, 1, 1, ARG(r->from->pool.keys.memory),
+        ARG(r->from->surface), ARG(*camera), ARG(to_camera), ARG(near_m), ARG(far_m), ARG(r->ranges.memory));
     RUN(d, r->raycast, (size_t)camera->width, (size_t)camera->height, 0, ARG(r->from->pool.voxels.memory),
-        ARG(r->from->table.entries.memory), ARG(r->from->surface), ARG(*camera), ARG(to_world), ARG(r->ranges.memory),
-        ARG(model->memory));
+        ARG(r->from->table.entries.memory), ARG(r->from->surface), ARG(*camera), ARG(to_world),
+        ARG(r->ranges.memory), ARG(model->memory));
 }
 
 void raycast_near(raycaster *r, device *d, depth_maps *maps, const pose *camera_to_world,
@@ -40,11 +40,11 @@ void raycast_near(raycaster *r, device *d, depth_maps *maps, const pose *camera_
     cl_int rays_marched = marched;
     const kernel_camera *camera = &maps->camera[FINEST];
     kernel_rigid to_world = kernel_rigid_of(camera_to_world);
-    reach_m = fminf(reach_m, maps->source.max_m); /* a seed that knows nothing must not make rays endless */
+    reach_m = fminf(reach_m, maps->source.max_m); /* an unknown seed must not make rays endless */
     RUN(d, r->raycast_near, (size_t)((camera->width + d->lanes - 1) / d->lanes), (size_t)camera->height,
-        d->cpu ? 1 : 0, ARG(r->from->pool.voxels.memory), ARG(r->from->table.entries.memory), ARG(r->from->surface),
-        ARG(*camera), ARG(to_world), ARG(maps->depth[FINEST].memory), ARG(reach_m), ARG(rays_marched),
-        ARG(model->memory));
+        d->cpu ? 1 : 0, ARG(r->from->pool.voxels.memory), ARG(r->from->table.entries.memory),
+        ARG(r->from->surface), ARG(*camera), ARG(to_world), ARG(maps->depth[FINEST].memory), ARG(reach_m),
+        ARG(rays_marched), ARG(model->memory));
 }
 
 void raycast_halve(raycaster *r, device *d, const kernel_camera *cameras, device_buffer model[FATHOM_LEVELS],

@@ -1,4 +1,4 @@
-/* The surface as a camera should see it: model maps by ray-casting (Newcombe et al. 2011, Section 3.3). */
+/* Model maps of the surface by ray-casting (Newcombe et al. 2011, Section 3.3). */
 #ifndef FATHOM_RAYCAST_H
 #define FATHOM_RAYCAST_H
 
@@ -6,9 +6,9 @@
 #include "map/blocks.h"
 
 typedef struct {
-    const volume *from;   /* what is cast */
+    const volume *from;   /* the volume to ray-cast */
     int tiles;            /* room in ranges */
-    device_buffer ranges; /* two ints a tile: where its rays begin and end */
+    device_buffer ranges; /* two ints per tile: the depths where its rays begin and end */
     cl_kernel clear_ranges, range_blocks, raycast, raycast_near, halve_map;
 } raycaster;
 
@@ -20,8 +20,8 @@ void raycaster_close(raycaster *r);
 void raycast_view(raycaster *r, device *d, const kernel_camera *camera, const pose *camera_to_world,
                   float near_m, float far_m, device_buffer *model);
 
-/* The same from where the scan was taken, as far as it lies within reach_m of the scan: all that alignment needs.
- * marched: also where it is further from the scan than the truncation. */
+/* The same at the scan's pose, limited to surface within reach_m of the scan's depth, as alignment needs it. marched:
+ * also where it is further from the scan than the truncation. */
 void raycast_near(raycaster *r, device *d, depth_maps *maps, const pose *camera_to_world,
                   float reach_m, bool marched, device_buffer *model);
 

@@ -17,7 +17,7 @@ bool store_get(caller_store *s, const fathom_block *block) {
     const int got = s->calls.get ? s->calls.get(s->calls.user, block) : 0;
     if (got > 0) return true;
     if (got < 0) s->lost++;
-    volume_make_new(block); /* whatever the store has left in it */
+    volume_make_new(block); /* whatever the store has left in them */
     return false;
 }
 

@@ -1,4 +1,4 @@
-/* The caller's block store: where blocks of the surface are kept outside of the pool. */
+/* The caller's block store: storage for blocks outside of the pool. */
 #ifndef FATHOM_STORE_H
 #define FATHOM_STORE_H
 
@@ -9,13 +9,13 @@ typedef struct {
     int64_t put, restored, lost; /* blocks */
 } caller_store;
 
-/* Takes what config names; without a store, nothing is kept. False when its struct_size is no size, or a later library's. */
+/* Takes config's store; without one, no block is kept. False when its struct_size is invalid, or a later library's. */
 bool store_init(caller_store *s, const fathom_config *config);
 
-/* Hands a block over. */
+/* Puts a block into the store. */
 void store_put(caller_store *s, const fathom_block *block);
 
-/* Fills a new block's voxels, or leaves them new. False: the store hasn't got it. */
+/* Fills a new block's voxels, or leaves them unchanged. False: the store doesn't have it. */
 bool store_get(caller_store *s, const fathom_block *block);
 
 /* The key at a position of the store's list. False beyond its end. */

@@ -14,16 +14,16 @@ void viewer_close(viewer *w) {
     device_buffer_free(&w->map);
 }
 
-int view_render(viewer *part, device *d, raycaster *r, const fathom_view *view, const pose *camera_to_world, float *depth,
-                float *normals) {
+int view_render(viewer *part, device *d, raycaster *r, const fathom_view *view, const pose *camera_to_world,
+                float *depth, float *normals) {
     float near_m = view->near_m > 0 ? view->near_m : 0.1f, far_m = view->far_m > 0 ? view->far_m : 20.0f;
     const fathom_pinhole *c = &view->camera;
     for (int y0 = 0; y0 < c->height; y0 += part->height)
         for (int x0 = 0; x0 < c->width; x0 += part->width) {
             int w = c->width - x0 < part->width ? c->width - x0 : part->width;
             int h = c->height - y0 < part->height ? c->height - y0 : part->height;
-            kernel_camera camera = kernel_camera_of(w, h, (float)c->fx, (float)c->fy, (float)c->cx - (float)x0,
-                                                    (float)c->cy - (float)y0);
+            kernel_camera camera = kernel_camera_of(w, h, (float)c->fx, (float)c->fy,
+                                                    (float)c->cx - (float)x0, (float)c->cy - (float)y0);
             raycast_view(r, d, &camera, camera_to_world, near_m, far_m, &part->map);
             cl_uint2 *map = device_map(d, &part->map, CL_MAP_READ);
             for (int i = 0; map && i < w * h; i++) {

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #define PATCH_BLOCKS 512
-#define REACHED 20          /* blocks that a block's triangles and their normals are made from, itself counted */
+#define REACHED 20          /* blocks that a block's triangles and their normals depend on, itself included */
 #define INDEX_MAX (1 << 27) /* of a block: voxels are counted in 32 bits */
 
 typedef struct {
@@ -21,9 +21,9 @@ void whole_mesh_close(volume *patch) {
     volume_close(patch);
 }
 
-/* ---- the patch ---------------------------------------------------------------------------------------------------------- */
+/* ---- the patch --------------------------------------------------------------------------------------------------- */
 
-/* Brings the block into the patch unless it is there. False: nobody has it. */
+/* Brings the block into the patch unless it is there. False: neither pool nor store has it. */
 static bool bring(work *w, const cl_int4 *key) {
     volume *patch = w->mesh->patch;
     if (volume_place(&w->in_patch, key) >= 0) return true;
@@ -46,8 +46,8 @@ static bool countable(const cl_int4 *key) {
     return true;
 }
 
-/* Brings the next block and moves on. A stored one that is in the pool is left to come with the pool's; one that the store
- * hasn't got after all is left out. False at the end. */
+/* Brings the next block and moves on. A stored one that is in the pool comes with the pool's later; one that the store
+ * doesn't return is left out. False at the end. */
 static bool bring_next(work *w, mesh_place *at, cl_int4 *key) {
     const volume *pool = w->mesh->pool;
     while (store_key(w->mesh->store, at->stored, key)) {
@@ -56,7 +56,8 @@ static bool bring_next(work *w, mesh_place *at, cl_int4 *key) {
             return false;
         }
         at->stored++;
-        if (key->w == pool->surface.submap && volume_place(&w->in_pool, key) < 0 && bring(w, key)) return true;
+        if (key->w == pool->surface.submap && volume_place(&w->in_pool, key) < 0 && bring(w, key))
+            return true;
     }
     const int place = volume_born_since(pool, at->born);
     if (place == pool->pool.count) return false;
@@ -75,8 +76,8 @@ static void bring_neighbours(work *w, const cl_int4 *b) {
             }
 }
 
-/* Fills the patch from a place on, as far as it goes, and moves on. The blocks whose triangles are wanted come first in its
- * keys; places[i] is where the i-th began. Returns their number. */
+/* Fills the patch from a place on, up to its capacity, and advances the place. The blocks to be meshed come first in
+ * its keys; places[i] is where the i-th began. Returns their number. */
 static int fill(work *w, mesh_place *at, mesh_place places[PATCH_BLOCKS]) {
     volume *patch = w->mesh->patch;
     device *d = w->mesh->device;
@@ -99,10 +100,11 @@ static int fill(work *w, mesh_place *at, mesh_place places[PATCH_BLOCKS]) {
     return wanted;
 }
 
-/* ---- triangles ---------------------------------------------------------------------------------------------------------- */
+/* ---- triangles --------------------------------------------------------------------------------------------------- */
 
-/* All that a walk gives within the capacity; less than `capacity` may stay unused at its end. */
-static int64_t walk_on(const whole_mesh *w, mesh_walk *walk, int64_t capacity, fathom_triangles triangles, void *user) {
+/* Passes on the triangles of a walk within the capacity, of which a part may stay unused. */
+static int64_t walk_on(const whole_mesh *w, mesh_walk *walk, int64_t capacity, fathom_triangles triangles,
+                       void *user) {
     int64_t total = 0;
     for (;;) {
         const int more = mesh_walk_next(walk, w->mesher, w->device, capacity - total, triangles, user);
@@ -111,7 +113,8 @@ static int64_t walk_on(const whole_mesh *w, mesh_walk *walk, int64_t capacity, f
     }
 }
 
-static int64_t pull_pool(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles, void *user) {
+static int64_t pull_pool(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles,
+                         void *user) {
     const block_pool *pool = &w->pool->pool;
     mesh_walk walk;
     mesh_walk_start(&walk, w->pool, w->min_weight, volume_born_since(w->pool, at->born));
@@ -120,8 +123,9 @@ static int64_t pull_pool(const whole_mesh *w, mesh_place *at, int64_t capacity, 
     return total;
 }
 
-/* Through the patch, also the pool's blocks: their neighbours may be in the store. */
-static int64_t pull_all(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles, void *user) {
+/* Meshes the pool's blocks in the patch, too: their neighbours may be in the store. */
+static int64_t pull_all(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles,
+                        void *user) {
     work k = {.mesh = w};
     mesh_place places[PATCH_BLOCKS];
     int64_t total = 0;
@@ -140,7 +144,8 @@ static int64_t pull_all(const whole_mesh *w, mesh_place *at, int64_t capacity, f
     return k.nonsense && total >= 0 ? FATHOM_ERROR_ARGUMENT : total;
 }
 
-int64_t whole_mesh_pull(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles, void *user) {
+int64_t whole_mesh_pull(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles,
+                        void *user) {
     cl_int4 key;
     const bool stored = w->store && w->patch->pool.capacity > 0 && store_key(w->store, 0, &key);
     return stored ? pull_all(w, at, capacity, triangles, user) : pull_pool(w, at, capacity, triangles, user);

@@ -1,5 +1,5 @@
-/* The mesh of blocks in and out of the pool. Those that the store keeps come back from it, some at a time with their
- * neighbours, into a small volume of its own: the surface that is tracked against stays as it is. */
+/* The mesh of blocks in and out of the pool. The store's blocks are read back in groups, with their neighbours, into a
+ * separate small volume: the surface that tracking uses doesn't change. */
 #ifndef FATHOM_WHOLE_MESH_H
 #define FATHOM_WHOLE_MESH_H
 
@@ -14,7 +14,7 @@ typedef struct {
     float min_weight;
 } whole_mesh;
 
-/* Where a pull stands: the next position in the store's list, the next birth in the pool. Zeros begin. */
+/* The position of a pull: the next one in the store's list, and the next birth in the pool. Zeros begin. */
 typedef struct {
     int64_t stored, born;
 } mesh_place;
@@ -23,9 +23,11 @@ typedef struct {
 void whole_mesh_init(volume *patch, device *d, arena *a, const fathom_config *config);
 void whole_mesh_close(volume *patch);
 
-/* Hands over the triangles of whole blocks from a place on, at most `capacity` (a block has CASE_TRIANGLES * BLOCK_VOXELS
- * at most): first the store's blocks that aren't in the pool, then the pool's. Moves the place on. Returns the number of
- * triangles (0: the end), or an error: FATHOM_ERROR_ARGUMENT where the store names a block beyond what can be counted. */
-int64_t whole_mesh_pull(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles, void *user);
+/* Passes the triangles of whole blocks from a place on to the callback, up to `capacity` (a block has a maximum of
+ * CASE_TRIANGLES * BLOCK_VOXELS): first the store's blocks that aren't in the pool, then the pool's. Advances the
+ * place. Returns the number of triangles (0: the end), or an error: FATHOM_ERROR_ARGUMENT where the store names a block
+ * beyond what can be counted. */
+int64_t whole_mesh_pull(const whole_mesh *w, mesh_place *at, int64_t capacity, fathom_triangles triangles,
+                        void *user);
 
 #endif

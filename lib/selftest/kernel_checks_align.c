@@ -4,8 +4,8 @@
 
 #include "selftest/kernel_checks_bench.h"
 
-/* Relative to what a sum is made of before anything cancels. Five roundings (6e-8 each) a term; that they don't all point
- * the same way pays for adding some twenty terms up. Measured: 1e-7 holds on PoCL, 5e-8 doesn't. */
+/* Relative to the magnitudes of a sum's terms before cancellation. Five roundings (6e-8 each) per term; their different
+ * signs make up for the addition of some twenty terms. Measured: 1e-7 holds on PoCL, 5e-8 doesn't. */
 #define SUM_TOLERANCE 3e-7
 
 void compare_align_reduce(bench *b, const float *depth, float *normals, const kernel_camera *c,
@@ -47,7 +47,7 @@ void compare_align_reduce(bench *b, const float *depth, float *normals, const ke
     free(got);
 }
 
-/* A scan, and a model that looks much the same. */
+/* A scan, and a similar model. */
 typedef struct {
     kernel_camera c;
     float *depth, *normals, *model;
@@ -98,7 +98,7 @@ fathom_check check_align_reduce(device *d, bool small, char *why, size_t size) {
     return bench_end(&b);
 }
 
-/* What isn't part of a pair may hold anything: none of it gets into the sums. */
+/* Values outside of pairs may be anything, and must not enter the sums. */
 fathom_check check_align_not_finite(device *d, bool small, char *why, size_t size) {
     bench b;
     const image_size *sizes;

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GUARD 256 /* bytes behind each buffer's end that must stay as they are */
+#define GUARD 256 /* bytes behind each buffer's end that must stay unchanged */
 #define GUARD_BYTE 0x5a
 
 const kernel_noise bench_noise = {0.0001f, 0.0005f, 0.003f};
@@ -36,7 +36,7 @@ void bench_fail(bench *b, const char *format, ...) {
 
 fathom_check bench_end(bench *b) {
     bench_free(b);
-    /* Doubt is for the rare comparison within rounding of its threshold: were it common, nothing would be checked. */
+    /* Doubt is for rare comparisons within rounding of their threshold: if it were common, nothing would be checked. */
     if (b->doubtful > 5 + b->compared / 25)
         bench_fail(b, "%ld of %ld results in doubt", b->doubtful, b->doubtful + b->compared);
     return b->failed ? FATHOM_CHECK_FAILED : FATHOM_CHECK_PASSED;
@@ -53,8 +53,8 @@ void *bench_alloc(size_t size) {
 
 /* ---- buffers -------------------------------------------------------------------------------------------------- */
 
-/* As the library makes them, and GUARD bytes longer; under Oclgrind exactly as long as asked, so that it sees a byte too
- * far. */
+/* Made as by the library, and GUARD bytes longer; under Oclgrind of exact size, so that it detects any access
+ * beyond. */
 cl_mem bench_buffer(bench *b, size_t size, const void *content) {
     if (b->count == BENCH_BUFFERS) {
         bench_fail(b, "more than %d buffers", BENCH_BUFFERS);
@@ -244,7 +244,7 @@ void bench_compare_bytes(bench *b, const char *what, const void *got, const void
         }
 }
 
-/* ---- a surface of blocks ------------------------------------------------------------------------------------------- */
+/* ---- a surface of blocks ----------------------------------------------------------------------------------------- */
 
 void bench_volume_make(bench_volume *v, int capacity, float voxel, float truncation) {
     memset(v, 0, sizeof *v);

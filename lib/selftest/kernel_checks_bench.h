@@ -35,7 +35,8 @@ void bench_fail(bench *b, const char *format, ...) __attribute__((format(printf,
 
 cl_mem bench_buffer(bench *b, size_t size, const void *content);
 void bench_read(bench *b, cl_mem memory, void *content, size_t size);
-/* A buffer with a model map (four floats a pixel); model becomes what is left of it after packing. NULL: not initialised. */
+/* A buffer with a model map (four floats a pixel); model becomes what is left of it after packing. NULL: not
+ * initialised. */
 cl_mem bench_model(bench *b, int count, float *model);
 void bench_read_model(bench *b, cl_mem memory, int count, float *model);
 void bench_free(bench *b);
@@ -78,7 +79,8 @@ typedef enum {
 float *bench_depth(bench *b, const kernel_camera *c, kernel_noise noise, image_kind kind);
 /* A padded plane whose pixels are all set to value and whose margin is zero. */
 float *bench_plane(const kernel_camera *c, int planes, float value);
-/* Sizes that are no multiples of eight or of tiles, and some that are; widths whose last sixteen are filled to various parts. */
+/* Sizes that are no multiples of eight or of tiles, and some that are; widths whose last sixteen are filled to various
+ * parts. */
 typedef struct {
     int width, height;
 } image_size;
@@ -88,9 +90,9 @@ extern const kernel_noise bench_noise; /* like the default settings', all three 
 
 /* ---- comparisons ---- */
 
-/* |got - want| <= tolerance, which also fails for NaN. Tells the place when it doesn't hold. */
+/* |got - want| <= tolerance, which also fails for NaN. On a failure, reports the position. */
 bool bench_near(bench *b, const char *what, int x, int y, double got, double want, double tolerance);
-/* Compares the pixels of a padded plane where doubt isn't set, and sees that the margin is still zero. */
+/* Compares the pixels of a padded plane where doubt isn't set, and verifies that the margin is still zero. */
 void bench_compare_plane(bench *b, const char *what, const kernel_camera *c, const float *got,
                          const float *want, const uint8_t *doubt, double relative, double absolute);
 void bench_compare_bytes(bench *b, const char *what, const void *got, const void *want, size_t size);
@@ -121,7 +123,7 @@ double bench_ball_shifted(const double p[3]); /* the same, moved by BENCH_SHIFT 
 /* Adds the blocks within low..high (metres) that come within a truncation of the shape, all voxels seen. */
 void bench_volume_fill(bench_volume *v, bench_shape shape, const double low[3], const double high[3]);
 
-/* ---- each kernel against its reference (kernel_checks_maps.c, _align.c, _volume.c, _surface.c) ---- */
+/* ---- each kernel against its reference (kernel_checks_maps.c, _align.c, _volume.c, _seen.c, _surface.c) ---- */
 
 void compare_convert_depth(bench *b, const uint16_t *raw, const kernel_depth_source *s,
                            const kernel_camera *c, kernel_noise noise);
@@ -143,7 +145,7 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
                          float max_weight);
 void compare_ranges(bench *b, bench_volume *v, const kernel_camera *c, const kernel_rigid *world_to_camera,
                     float near_m, float far_m);
-/* What is cast from where, and what is asked of it. */
+/* A view to ray-cast, and the criteria for it. */
 typedef struct {
     kernel_camera c;
     pose camera_to_world;
@@ -167,6 +169,7 @@ fathom_check check_align_reduce(device *d, bool small, char *why, size_t size);
 fathom_check check_align_not_finite(device *d, bool small, char *why, size_t size);
 fathom_check check_request_blocks(device *d, bool small, char *why, size_t size);
 fathom_check check_clear_blocks(device *d, bool small, char *why, size_t size);
+fathom_check check_mark_seen(device *d, bool small, char *why, size_t size);
 fathom_check check_pack_planes(device *d, bool small, char *why, size_t size);
 fathom_check check_fuse_blocks(device *d, bool small, char *why, size_t size);
 fathom_check check_clear_ranges(device *d, bool small, char *why, size_t size);

@@ -4,7 +4,7 @@
 
 #include "selftest/kernel_checks_bench.h"
 
-#define UNWRITTEN 9.0f /* what output pixels hold before */
+#define UNWRITTEN 9.0f /* initial value of output pixels */
 /* Four or five operations in single precision (6e-8 each). */
 #define DEPTH_TOLERANCE 1e-6
 
@@ -74,7 +74,7 @@ fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) 
                                  .metres_per_unit = factor % 2 ? 0.001f : 0.0002f,
                                  .min_m = 0.3f,
                                  .max_m = kind == 1 ? 5 : 100};
-        if (kind == 2) { /* a Kinect's, and then one so strong that corners leave the picture */
+        if (kind == 2) { /* a Kinect's, and then one so strong that corners leave the image */
             const float k[2][5] = {{-0.26f, 0.75f, -0.0009f, 0.0023f, -0.7f},
                                    {0.9f, 0.4f, 0.02f, -0.03f, 0.2f}};
             const float *q = k[factor % 2];
@@ -99,7 +99,7 @@ fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) 
     return bench_end(&b);
 }
 
-/* ---- smooth_depth, halve_depth ------------------------------------------------------------------------------------ */
+/* ---- smooth_depth, halve_depth ----------------------------------------------------------------------------------- */
 
 void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise) {
     float *got = bench_plane(c, 1, UNWRITTEN), *want = bench_plane(c, 1, 0);
@@ -132,7 +132,7 @@ void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, ke
     free(doubt);
 }
 
-/* ---- normal_map ----------------------------------------------------------------------------------------------------- */
+/* ---- normal_map -------------------------------------------------------------------------------------------------- */
 
 void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise) {
     float *got = bench_plane(c, 4, UNWRITTEN), *want = bench_plane(c, 4, 0);
@@ -161,7 +161,7 @@ void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, ke
     free(doubt);
 }
 
-/* ---- pack_map, halve_map --------------------------------------------------------------------------------------------- */
+/* ---- pack_map, halve_map ----------------------------------------------------------------------------------------- */
 
 void compare_pack_map(bench *b, const float *depth, const float *normals, const kernel_camera *c) {
     int count = c->width * c->height;
@@ -210,7 +210,7 @@ void compare_halve_map(bench *b, const float *fine, const kernel_camera *f) {
     free(doubt);
 }
 
-/* ---- checks ------------------------------------------------------------------------------------------------------------ */
+/* ---- checks ------------------------------------------------------------------------------------------------------ */
 
 /* Runs the function on images of every kind and size. */
 static fathom_check on_images(device *d, bool small, char *why, size_t size,

@@ -17,8 +17,8 @@ static cl_mem make_ranges(bench *b, bench_volume *v, const kernel_camera *c,
                           const kernel_rigid *world_to_camera, float near_m, float far_m) {
     cl_mem ranges = bench_buffer(b, (size_t)tiles_of(c) * 2 * sizeof(float), NULL);
     LAUNCH(b, "clear_ranges", (size_t)tiles_of(c), 1, 0, ARG(ranges));
-    LAUNCH(b, "range_blocks", (size_t)v->count, 1, 1, ARG(v->blocks_memory), ARG(v->surface), ARG(*c), ARG(*world_to_camera),
-           ARG(near_m), ARG(far_m), ARG(ranges));
+    LAUNCH(b, "range_blocks", (size_t)v->count, 1, 1, ARG(v->blocks_memory), ARG(v->surface), ARG(*c),
+           ARG(*world_to_camera), ARG(near_m), ARG(far_m), ARG(ranges));
     return ranges;
 }
 
@@ -74,8 +74,8 @@ fathom_check check_range_blocks(device *d, bool small, char *why, size_t size) {
 
 /* ---- raycast ----------------------------------------------------------------------------------------------------- */
 
-/* Surface or not is sure where a pixel's neighbours agree with it and the ray isn't grazing; elsewhere the outcome hangs
- * on where a ray's samples happen to fall. 1: a surface, 0: none, -1: not sure. */
+/* Surface or not is certain where a pixel's neighbours agree with it and the ray isn't grazing; elsewhere the outcome
+ * depends on the positions of a ray's samples. 1: a surface, 0: none, -1: not sure. */
 static int sure_surface(const float *model, const kernel_camera *c, int x, int y, double voxel) {
     const float *m = model + 4 * (y * c->width + x);
     for (int k = 0; k < 9; k++) {
@@ -89,11 +89,11 @@ static int sure_surface(const float *model, const kernel_camera *c, int x, int y
     return -(m[0] * u + m[1] * v + m[2]) / sqrt(u * u + v * v + 1) > 0.3 ? 1 : -1;
 }
 
-/* A ray's crossing is found by interpolation between samples most of a voxel apart: to a twentieth of a voxel. The shape
- * itself is sampled at voxels and stored to 1/32767: another twentieth where it bends. */
+/* A ray's crossing is found by interpolation between samples most of a voxel apart: to a twentieth of a voxel. The
+ * shape itself is sampled at voxels and stored to 1/32767: another twentieth where it bends. */
 #define HIT_TOLERANCE 0.05
 
-/* How far a hit lies off the true shape, in voxels. */
+/* Distance of a hit from the true shape, in voxels. */
 static double off_truth(const bench_volume *v, const kernel_camera *c, const kernel_rigid *to_world, int x,
                         int y, double z, bench_shape truth) {
     double world[3], p[3] = {(x - c->cx) / c->fx * z, (y - c->cy) / c->fy * z, z};
@@ -101,7 +101,7 @@ static double off_truth(const bench_volume *v, const kernel_camera *c, const ker
     return fabs(truth(world)) / v->surface.voxel;
 }
 
-/* Runs the kernel, and the reference; doubt: a byte a pixel. */
+/* Runs the kernel, and the reference; doubt: a byte per pixel. */
 static void cast(bench *b, bench_volume *v, const bench_view *view, float *got, float *want, float *full,
                  uint8_t *doubt) {
     const kernel_camera *c = &view->c;
@@ -179,7 +179,8 @@ void compare_raycast(bench *b, bench_volume *v, const bench_view *view) {
     free(doubt);
 }
 
-/* What a camera would measure of the volume, with errors of up to 6 cm, holes, and a place that the surface is far from. */
+/* What a camera would measure of the volume, with errors of up to 6 cm, holes, and a place that the surface is far
+ * from. */
 static float *scan_of(bench *b, bench_volume *v, const bench_view *view) {
     const kernel_camera *c = &view->c;
     float *scan = bench_plane(c, 1, 0), *full = bench_alloc((size_t)c->width * (size_t)c->height * 16);
@@ -204,7 +205,7 @@ static fathom_check raycasts(device *d, bool small, char *why, size_t size, bool
     bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     bench_shape ball = b.small ? bench_ball_shifted : bench_ball;
-    /* so wide that its rim isn't in view: there, too, the outcome hangs on where samples fall */
+    /* so wide that its rim isn't in view: there, too, the outcome depends on the samples' positions */
     const double low[3] = {b.shift - 1.3, b.shift - 1.3, b.shift + 0.5},
                  high[3] = {b.shift + 1.3, b.shift + 1.3, b.shift + 1.5};
     bench_volume v, none, front; /* whole; nothing; only what lies before the surface has been seen */
@@ -252,7 +253,7 @@ fathom_check check_raycast_near(device *d, bool small, char *why, size_t size) {
     return raycasts(d, small, why, size, true);
 }
 
-/* ---- triangles ------------------------------------------------------------------------------------------------------ */
+/* ---- triangles --------------------------------------------------------------------------------------------------- */
 
 void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit) {
     kernel_surface f = v->surface;

@@ -18,8 +18,8 @@ static bool listed(const cl_int4 *list, int count, const cl_int4 *block) {
     return false;
 }
 
-/* Each missing block that a tile's rays meet is asked for by it or by an earlier tile of the same work-item, unless slots
- * ran out on the way; nothing else is, nor anything twice. */
+/* Each missing block that a tile's rays meet is requested by it or by an earlier tile of the same work-item, unless
+ * slots ran out; no other block is, and none twice. */
 static void compare_tile(bench *b, const cl_int4 *requests, const int *counts, int tile, int tiles_x,
                          int sharing, const cl_int4 *met, int met_count, ref_volume *v) {
     const cl_int4 *slots = requests + tile * TILE_SLOTS;
@@ -135,7 +135,7 @@ fathom_check check_request_blocks(device *d, bool small, char *why, size_t size)
     return bench_end(&b);
 }
 
-/* ---- clear_blocks, clear_ranges ----------------------------------------------------------------------------------- */
+/* ---- clear_blocks, clear_ranges ---------------------------------------------------------------------------------- */
 
 fathom_check check_clear_blocks(device *d, bool small, char *why, size_t size) {
     enum { BLOCKS = 7 };
@@ -172,9 +172,10 @@ fathom_check check_clear_ranges(device *d, bool small, char *why, size_t size) {
     return bench_end(&b);
 }
 
-/* ---- pack_planes ---------------------------------------------------------------------------------------------------- */
+/* ---- pack_planes ------------------------------------------------------------------------------------------------- */
 
-/* Roundings of single precision beside those of the packing: n is rounded near 8192, whose neighbours are 1e-3 apart. */
+/* Roundings of single precision beside those of the packing: n is rounded near 8192, whose neighbours are 1e-3
+ * apart. */
 #define TIE_SLACK 6e-4
 
 void compare_pack_planes(bench *b, const float *depth, const float *normals, const kernel_camera *c,
@@ -214,7 +215,7 @@ void compare_pack_planes(bench *b, const float *depth, const float *normals, con
         else
             bench_near(b, "pack_planes: weight", x, y, p.weight, floor(want.weight + 0.5), 0);
     }
-    /* what is cut off w mustn't move the surface: on average less than a fifth of the last bit that is left */
+    /* truncation of w mustn't move the surface: on average less than a fifth of the last remaining bit */
     if (held >= 400) bench_near(b, "pack_planes: mean shift of planes", 0, 0, shifts / held, 0, 0.2);
     bench_free(b);
     free(got);
@@ -237,16 +238,14 @@ fathom_check check_pack_planes(device *d, bool small, char *why, size_t size) {
     return bench_end(&b);
 }
 
-/* ---- fuse_blocks ---------------------------------------------------------------------------------------------------- */
+/* ---- fuse_blocks ------------------------------------------------------------------------------------------------- */
 
-/* Blocks that a frame said something about carry its number; those whose turn it wasn't don't. */
-static void compare_seen(bench *b, const int *seen, const uint8_t *outcomes, int block, int frame,
-                         bool turn) {
-    bool fused = false;
-    for (int k = 0; k < BLOCK_VOXELS; k++) fused |= outcomes[block * BLOCK_VOXELS + k] == REF_FUSED;
-    b->compared++;
-    if ((seen[block] != 0 && seen[block] != frame) || (fused && !seen[block]) || (!turn && seen[block]))
-        bench_fail(b, "fuse_blocks: block %d was last seen in frame %d", block, seen[block]);
+/* Blocks in view carry the frame's number, those out of view and those whose turn it wasn't don't. */
+static void compare_seen(bench *b, const int *seen, int block, uint8_t in_view, int frame, bool turn) {
+    if (turn && in_view == REF_DOUBTFUL)
+        b->doubtful++;
+    else
+        bench_near(b, "fuse_blocks: the frame of block", block, 0, seen[block], turn && in_view == REF_IN_VIEW ? frame : 0, 0);
 }
 
 void compare_fuse_blocks(bench *b, const float *depth, const float *normals, const kernel_camera *c,
@@ -258,7 +257,7 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
     int tiles = ((c->width + TILE - 1) / TILE) * ((c->height + TILE - 1) / TILE);
     int16_t *got = bench_alloc(bytes);
     int *seen = bench_alloc(seen_bytes);
-    uint8_t *outcomes = bench_alloc((size_t)voxels);
+    uint8_t *outcomes = bench_alloc((size_t)voxels), *in_view = bench_alloc((size_t)v->count);
     cl_uint2 *planes = bench_alloc(plane_bytes);
     float *farthest = bench_alloc((size_t)tiles * 4);
     cl_float voxel = v->surface.voxel, truncation = v->surface.truncation, most = max_weight;
@@ -276,12 +275,13 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
     bench_read(b, seen_memory, seen, seen_bytes);
     ref_fuse_blocks(planes, c, world_to_camera, voxel, truncation, most, v->blocks, v->count, settled, turn,
                     v->voxels, outcomes);
+    ref_in_view(farthest, c, world_to_camera, &v->surface, v->blocks, v->count, in_view);
     /* A voxel's place in camera axes is known to 1e-6 m (some 5 m, a few roundings), and half a unit is rounded off. */
     double tolerance = 1.01 + 32767 * 2e-6 / truncation;
     for (int i = 0; i < voxels && !b->failed; i++) {
         int at = i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + i % BLOCK_VOXELS;
         if (i % BLOCK_VOXELS == 0)
-            compare_seen(b, seen, outcomes, i / BLOCK_VOXELS, frame,
+            compare_seen(b, seen, i / BLOCK_VOXELS, in_view[i / BLOCK_VOXELS], frame,
                          i / BLOCK_VOXELS >= settled || i / BLOCK_VOXELS % 2 == turn);
         if (outcomes[i] == REF_DOUBTFUL) {
             b->doubtful++;
@@ -296,6 +296,7 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
     free(got);
     free(seen);
     free(outcomes);
+    free(in_view);
     free(planes);
     free(farthest);
 }
@@ -330,8 +331,8 @@ fathom_check check_fuse_blocks(device *d, bool small, char *why, size_t size) {
     bench_start(&b, d, small, why, size);
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS; i++) {
-        /* The kernel leaves out blocks out of view by a sphere against the frustum, which is generous by a pixel or so: a
-         * picture of one pixel isn't what it's for (fathom_config takes 16 and more). */
+        /* The kernel leaves out blocks out of view by a sphere against the frustum, which is generous by a pixel or so:
+         * a picture of one pixel isn't what it's for (fathom_config takes 16 and more). */
         if (sizes[i % count].width < 16) continue;
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
         float *depth = bench_depth(&b, &c, bench_noise, (image_kind)(i / count));

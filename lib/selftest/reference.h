@@ -1,9 +1,9 @@
-/* What every kernel of opencl/ means, in plain scalar C and double precision. Buffers have the kernels' layout, so that
- * the one's output can be laid beside the other's.
+/* A reference of every kernel of opencl/, in plain scalar C and double precision. Buffers have the kernels' layout, so
+ * that outputs can be compared directly.
  *
  * A kernel works in single precision and may contract multiplications and additions. Where a comparison lies within
- * rounding of its threshold either outcome is right: a reference marks such places in `doubt` (a byte a pixel, tile or
- * voxel; it may be NULL), and the checks leave them out and see that they are few. */
+ * rounding of its threshold either outcome is right: a reference marks such places in `doubt` (a byte per pixel, tile
+ * or voxel; it may be NULL), and the checks leave them out and verify that they are few. */
 #ifndef FATHOM_TESTS_REFERENCE_H
 #define FATHOM_TESTS_REFERENCE_H
 
@@ -31,7 +31,7 @@ double ref_sigma(kernel_noise noise, double z);
 cl_uint ref_pack_normal(const double n[3]);
 void ref_unpack_normal(cl_uint packed, double n[3]);
 #define REF_NORMAL_STEP (1 / 1023.0) /* most that z is off, and twice what x and y are */
-/* Model maps (four floats a pixel: normal, depth) as the kernels have them, and back. */
+/* Model maps (four floats per pixel: normal, depth) to the kernels' form, and back. */
 void ref_pack_model(const float *model, int count, cl_uint2 *packed);
 void ref_unpack_model(const cl_uint2 *packed, int count, float *model);
 
@@ -49,15 +49,15 @@ void ref_halve_map(const float *fine, const kernel_camera *f, const kernel_camer
 
 /* ---- opencl/align.cl (reference_align.c) ---- */
 
-/* SUMS sums a row of the scan, and for each the sum of what its terms are made of before anything cancels: the rounding
- * of single precision is in proportion to that. */
+/* SUMS sums per row of the scan, and for each the sum of the magnitudes of its terms' parts before cancellation, to
+ * which the rounding of single precision is proportional. */
 void ref_align_reduce(const float *depth, const float *normals, const kernel_camera *c, const float *model,
                       const kernel_camera *mc, const kernel_rigid *motion, const kernel_pair_limits *limits,
                       double *sums, double *magnitudes, uint8_t *doubt);
 
 /* ---- opencl/integrate.cl (reference_volume.c) ---- */
 
-/* A surface to look things up in; blocks[i] lies in place i. */
+/* A surface for lookups; blocks[i] lies in place i. */
 typedef struct {
     const cl_int4 *blocks;
     int count;
@@ -80,13 +80,13 @@ double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3])
 
 /* The largest depth of each tile. */
 void ref_tile_farthest(const float *depth, const kernel_camera *c, float *farthest);
-/* The blocks within the truncation band that the rays of a tile's sampled pixels meet, each once, whether they are there
- * already or not; w: 1, or 0 where rounding decides. Returns how many, or -1 when there are more than most. */
+/* The blocks within the truncation band that the rays of a tile's sampled pixels meet, each once, whether they are
+ * there already or not; w: 1, or 0 where rounding decides. Returns how many, or -1 when there are more than most. */
 int ref_met_blocks(const float *depth, const kernel_camera *c, const kernel_rigid *camera_to_world,
                    double block_m, double truncation, int tile, cl_int4 *met, int most);
 void ref_clear_blocks(int first, int count, int16_t *voxels);
 
-/* What a pixel stands for in fusion: points p with n . p = w, in camera axes. w is infinite without depth. */
+/* A pixel's plane in fusion: points p with n . p = w, in camera axes. w is infinite without depth. */
 typedef struct {
     double n[3], w, weight;
 } ref_plane;
@@ -95,17 +95,24 @@ typedef struct {
 ref_plane ref_plane_of(const float *depth, const float *normals, const kernel_camera *c, kernel_noise noise,
                        int x, int y);
 #define REF_WEIGHT_BITS 511u
-/* To eight bytes, and back. First: n (ref_pack_normal). Second: w, a float whose last nine bits are the weight. w holds the
- * same point with the n that is packed. */
+/* To eight bytes, and back. First: n (ref_pack_normal). Second: w, a float whose last nine bits are the weight. w holds
+ * the same point with the n that is packed. */
 cl_uint2 ref_pack_plane(const ref_plane *plane);
 ref_plane ref_unpack_plane(cl_uint2 packed);
-/* Of a whole picture, row by row. */
+/* Of a whole image, row by row. */
 void ref_pack_planes(const float *depth, const float *normals, const kernel_camera *c, kernel_noise noise,
                      cl_uint2 *planes);
 
-/* What fuse_blocks found of a voxel. */
+/* Is something of each block in view: does a sphere about its middle, through its outermost voxels, reach into the picture's
+ * frustum and no further than a truncation behind the farthest that any tile it may cover has? What reaches to within 0.1 m
+ * of the camera may cover all of it. REF_DOUBTFUL where rounding decides. */
+enum { REF_OUT, REF_IN_VIEW };
+void ref_in_view(const float *farthest, const kernel_camera *c, const kernel_rigid *world_to_camera,
+                 const kernel_surface *f, const cl_int4 *blocks, int count, uint8_t *outcomes);
+
+/* The outcome of fuse_blocks for a voxel. */
 enum { REF_LEFT, REF_FUSED, REF_DOUBTFUL };
-/* Fuses into voxels; planes: packed; of the first settled blocks every other; outcomes: one of these a voxel. */
+/* Fuses into voxels; planes: packed; of the first `settled` blocks every other one; outcomes: one per voxel. */
 void ref_fuse_blocks(const cl_uint2 *planes, const kernel_camera *c, const kernel_rigid *world_to_camera,
                      double voxel, double truncation, double max_weight, const cl_int4 *blocks, int count,
                      int settled, int turn, int16_t *voxels, uint8_t *outcomes);
@@ -126,7 +133,7 @@ void ref_raycast_near(ref_volume *v, const kernel_camera *c, const kernel_rigid 
                       const float *scan, double reach, double slack, float *model, uint8_t *doubt);
 /* Triangles of blocks first..first+count-1. cases: mesh_cases(). */
 void ref_count_triangles(ref_volume *v, const uint8_t *cases, int first, int count, int *counts);
-/* 18 floats a triangle, block after block. */
+/* 18 floats per triangle, block after block. */
 void ref_emit_triangles(ref_volume *v, const uint8_t *cases, int first, int count, float *vertices);
 
 #endif

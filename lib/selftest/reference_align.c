@@ -17,7 +17,7 @@ static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* What pixel x, y of the scan meets: no surface, one that it can't be paired with, or a pair. */
+/* The result for pixel x, y of the scan: no surface, one that it can't be paired with, or a pair. */
 static met find_pair(const float *depth, const float *normals, const kernel_camera *c, const float *model,
                      const kernel_camera *mc, const kernel_rigid *motion, const kernel_pair_limits *l, int x,
                      int y, pair *out, bool *doubt) {

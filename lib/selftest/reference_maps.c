@@ -45,12 +45,13 @@ static void mark(uint8_t *doubt, int index, bool value) {
 #define PIXEL_SLACK 2e-3 /* the distortion's polynomial in single precision, at 640 pixels */
 #define BAND_SLACK 1e-5  /* of a depth of up to 10 m, after four operations */
 
-/* The metric depth that the ideal pinhole sees at a pixel; 0: none. */
+/* The metric depth at a pixel of the ideal pinhole; 0: none. */
 static double metric_depth(const uint16_t *raw, const kernel_depth_source *s, int x, int y, bool *doubt) {
     if (s->lens) { /* OpenCV's order */
         double u = (x - (double)s->cx) / s->fx, v = (y - (double)s->cy) / s->fy, r2 = u * u + v * v;
         double radial = 1 + s->k1 * r2 + s->k2 * r2 * r2 + s->k3 * r2 * r2 * r2;
-        if (s->lens == FATHOM_LENS_RATIONAL) radial /= 1 + s->k4 * r2 + s->k5 * r2 * r2 + s->k6 * r2 * r2 * r2;
+        if (s->lens == FATHOM_LENS_RATIONAL)
+            radial /= 1 + s->k4 * r2 + s->k5 * r2 * r2 + s->k6 * r2 * r2 * r2;
         double seen_u = u * radial + 2 * s->p1 * u * v + s->p2 * (r2 + 2 * u * u);
         double seen_v = v * radial + s->p1 * (r2 + 2 * v * v) + 2 * s->p2 * u * v;
         double column = seen_u * s->fx + s->cx + 0.5, row = seen_v * s->fy + s->cy + 0.5;
@@ -66,7 +67,8 @@ static double metric_depth(const uint16_t *raw, const kernel_depth_source *s, in
     return z >= s->min_m && z <= s->max_m ? z : 0;
 }
 
-/* The mean of those depths that belong to the nearest surface among them: up to 4 sigma and a share of the depth behind. */
+/* The mean of those depths that belong to the nearest surface among them: up to 4 sigma and a share of the depth
+ * behind. */
 static double mean_of_nearest(const double *z, int count, kernel_noise noise, double share, bool *doubt) {
     double nearest = INFINITY, sum = 0;
     int kept = 0;
@@ -108,7 +110,7 @@ void ref_halve_depth(const float *fine, const kernel_camera *f, const kernel_cam
         }
 }
 
-/* A known depth, or 0 outside of the picture. */
+/* A known depth, or 0 outside of the image. */
 static double known(const float *depth, const kernel_camera *c, int x, int y) {
     return x >= 0 && y >= 0 && x < c->width && y < c->height ? depth[ref_at(c, x, y)] : 0;
 }
@@ -136,7 +138,7 @@ void ref_smooth_depth(const float *depth, const kernel_camera *c, kernel_noise n
 
 /* A neighbour farther off in depth is across an edge: this many sigma, and what a slope of 75 degrees makes (4). */
 #define EDGE_SIGMAS 4
-/* A bend of so many sigma halves the confidence. */
+/* A bend of this many sigma halves the confidence. */
 #define BEND_SIGMAS 3
 
 /* Slope and bend along an axis, from the neighbours on the same surface. Returns how many there are. */
@@ -184,7 +186,7 @@ void ref_normal_map(const float *depth, const kernel_camera *c, kernel_noise noi
         }
 }
 
-/* ---- model maps --------------------------------------------------------------------------------------------------- */
+/* ---- model maps -------------------------------------------------------------------------------------------------- */
 
 static const double most[3] = {1023, 1023, 511.5};
 static const int bits[3] = {11, 11, 10}, from[3] = {21, 10, 0};

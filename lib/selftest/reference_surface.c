@@ -29,8 +29,8 @@ static void widen(const double low[2], const double high[2], double near_z, doub
         }
 }
 
-/* A block counts in every tile that the rectangle about its corners' pictures touches, one pixel wider on each side, and
- * two voxels wider in depth. */
+/* A block counts in every tile that the rectangle about its corners' pictures touches, one pixel wider on each side,
+ * and two voxels wider in depth. */
 void ref_range_blocks(const cl_int4 *blocks, int count, const kernel_camera *c,
                       const kernel_rigid *world_to_camera, double voxel, double near_m, double far_m,
                       float *sure, float *widest) {
@@ -90,7 +90,7 @@ static double first_crossing(ref_volume *v, const double origin[3], const double
     return 0;
 }
 
-/* What pixel x, y sees between two depths: normal and depth, or zeros. */
+/* The hit of pixel x, y between two depths: normal and depth, or zeros. */
 static void cast_pixel(ref_volume *v, const kernel_camera *c, const kernel_rigid *camera_to_world, int x,
                        int y, double near_m, double far_m, float out[4]) {
     double origin[3] = {camera_to_world->x.s[3], camera_to_world->y.s[3], camera_to_world->z.s[3]};
@@ -135,7 +135,7 @@ void ref_raycast_near(ref_volume *v, const kernel_camera *c, const kernel_rigid 
     }
 }
 
-/* ---- marching cubes ------------------------------------------------------------------------------------------------ */
+/* ---- marching cubes ---------------------------------------------------------------------------------------------- */
 
 /* Corner k of a cube stands at (k & 1, k >> 1 & 1, k >> 2); an edge goes up one axis from its lower corner. */
 static void edge_corners(int edge, int *low, int *high) {
@@ -145,7 +145,7 @@ static void edge_corners(int edge, int *low, int *high) {
     *high = *low | 1 << axis;
 }
 
-/* Which corners are inside, a bit each; 0 when one was never seen. */
+/* The corners that are inside, one bit each; 0 when one was never seen. */
 static int cube_kind(ref_volume *v, const int i[3], double d[8]) {
     int kind = 0;
     for (int k = 0; k < 8; k++) {
@@ -176,7 +176,7 @@ void ref_count_triangles(ref_volume *v, const uint8_t *cases, int first, int cou
     }
 }
 
-/* Central differences; one-sided at the rim of what was seen. */
+/* Central differences; one-sided beside unseen voxels. */
 static void voxel_gradient(ref_volume *v, const int i[3], double g[3]) {
     double here = ref_volume_voxel(v, i[0], i[1], i[2]);
     for (int a = 0; a < 3; a++) {
@@ -190,12 +190,12 @@ static void voxel_gradient(ref_volume *v, const int i[3], double g[3]) {
     }
 }
 
-/* Where the surface crosses an edge, and its normal there. */
+/* The crossing of an edge with the surface, and the normal there. */
 static void edge_vertex(ref_volume *v, const int i[3], int edge, const double d[8], float out[6]) {
     int low, high, at_low[3], at_high[3];
     double g_low[3], g_high[3], n[3];
     edge_corners(edge, &low, &high);
-    double t = d[low] / (d[low] - d[high]);
+    double t = fmin(fmax(d[low] / (d[low] - d[high]), CORNER_MARGIN), 1 - CORNER_MARGIN);
     for (int a = 0; a < 3; a++) {
         at_low[a] = i[a] + (low >> a & 1);
         at_high[a] = i[a] + (high >> a & 1);

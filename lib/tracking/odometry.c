@@ -5,7 +5,7 @@
 
 #include "base/covariance.h"
 
-/* How fast aligned poses and the map drift from the truth together; a pose in the map doesn't count it. */
+/* Drift of aligned poses together with the map; the covariance of a pose in the map doesn't include it. */
 #define DRIFT_RAD 2e-3 /* rad/sqrt(s) */
 #define DRIFT_M 1e-3   /* m/sqrt(s) */
 
@@ -19,8 +19,8 @@ void odometry_start(odometry *o, const pose *first) {
     o->tracked = true;
 }
 
-/* Motions from aligned pose to aligned pose multiply to the way from the first of them to the last, and only the errors of
- * those two are left: each joins what lies behind where motions change from inertia's to alignment's or back. */
+/* Motions between aligned poses multiply to the motion from the first of them to the last, and only the errors of these
+ * two remain: each is added to `behind` where motions change from inertia's to alignment's or back. */
 void odometry_advance(odometry *o, const pose *motion, const double motion_covariance[36], const pose *in_map,
                       const double in_map_covariance[36], bool tracked, double seconds) {
     bool by_alignment = tracked && o->tracked;

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_WIDTH 40 /* pixels; coarser ones are wider than what they should tell apart */
+#define LEAST_WIDTH 40 /* pixels; coarser ones are larger than the differences to be detected */
 
 void model_view_init(model_view *w, device *d, arena *a, const fathom_config *config,
                      const depth_maps *maps) {

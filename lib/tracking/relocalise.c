@@ -3,13 +3,13 @@
 #include <math.h>
 #include <string.h>
 
-#define DISTANCE_M 0.2 /* of a pair, while hypotheses are compared */
-#define HUBER_M 0.03   /* residual that still counts whole */
+#define DISTANCE_M 0.2 /* maximum of a pair, for comparing hypotheses */
+#define HUBER_M 0.03   /* maximum residual with full weight */
 #define APART_M 0.05   /* hypotheses closer than this are the same */
 #define APART_RAD 0.05
 #define KEPT 8 /* hypotheses that are refined */
 #define REFINEMENTS 3
-#define MOST_SIGMA 0.7 /* m and rad: a seed that knows nothing is still tried near where it is */
+#define MOST_SIGMA 0.7 /* m and rad: even an unknown pose is searched near the seed */
 
 /* Van der Corput's sequence: the digits of i mirrored at the point. */
 static double mirrored(unsigned i, unsigned base) {
@@ -21,7 +21,7 @@ static double mirrored(unsigned i, unsigned base) {
     return r;
 }
 
-/* Six normal numbers that fill space evenly: Halton's points by Box and Muller's transform. */
+/* Six normally distributed numbers that fill space evenly: Halton's points by Box and Muller's transform. */
 static void normal_numbers(unsigned i, double z[6]) {
     static const unsigned bases[6] = {2, 3, 5, 7, 11, 13};
     for (int k = 0; k < 6; k += 2) {
@@ -64,7 +64,7 @@ void search_draw(const double spread[36], int i, unsigned drawn, double twist[6]
         for (int k = 0; k <= j; k++) twist[j] += spread[6 * j + k] * z[k];
 }
 
-/* So many points of the scan lie on the surface, the doubtful ones in part. */
+/* The number of scan points on the surface, doubtful ones counted in part. */
 static double score(aligner *a, device *d, depth_maps *maps, model_view *w, const pose *motion,
                     normal_equations *e) {
     const double centre[3] = {0, 0, 1.5};

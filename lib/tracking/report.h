@@ -1,4 +1,4 @@
-/* What the caller learns of a frame's alignment. */
+/* The fields of fathom_result that describe a frame's alignment. */
 #ifndef FATHOM_REPORT_H
 #define FATHOM_REPORT_H
 

@@ -6,7 +6,7 @@
 #include "base/covariance.h"
 #include "base/stamps.h"
 
-#define UNKNOWN_VARIANCE 1e6 /* m^2 and rad^2, at most: what nothing is known of */
+#define UNKNOWN_VARIANCE 1e6 /* m^2 and rad^2: maximum variance, for unknown directions */
 
 /* The covariance of pose * motion: the old error seen from the new camera, and the motion's own. */
 static void propagate(const double old[36], const inertial_motion *d, double out[36]) {

@@ -5,8 +5,8 @@
 #include "align/align.h"
 #include "inertial/inertial.h"
 
-/* The camera's way since the last frame: by the caller's hook, by inertia, or, knowing nothing, none. covariance: of the last
- * frame's pose. */
+/* The camera's motion since the last frame: from the caller's hook, from inertia or, without either, none. covariance:
+ * of the last frame's pose. */
 inertial_motion inertial_seed(inertial *n, const double covariance[36], int64_t from_ns, int64_t to_ns);
 
 /* M * d, as the prior of the frame's alignment. */

@@ -7,9 +7,9 @@
 #include "base/stamps.h"
 #include "tracking/relocalise.h"
 
-#define SEARCH_SIGMA_M 0.01 /* a seed surer than this needs no search: alignment reaches further */
+#define SEARCH_SIGMA_M 0.01 /* a seed with a smaller sigma needs no search: alignment reaches further */
 
-/* So many frames are looked for after the camera was lost, then every RARE-th, so that a board keeps up. */
+/* Number of frames that are searched for after the camera was lost, then every RARE-th, so that a board keeps up. */
 #define EAGER 15
 #define RARE 30
 
@@ -22,12 +22,13 @@
 #define PAUSE_S 0.5 /* within which it is the same contradiction */
 #define CONTRADICTED_TRUST 0.1 /* of alignment's information: it used that surface, too */
 
-#define MAX_ROUNDS 4      /* more, from a proposed place: where the weight of far pairs is small, alignment creeps */
-#define STAYS_M 0.002     /* a round that moves the pose by less has settled it */
+/* more rounds from a proposed pose: where the weight of far pairs is small, alignment converges slowly */
+#define MAX_ROUNDS 4
+#define STAYS_M 0.002     /* a round that moves the pose by less has converged */
 #define STAYS_RAD 0.002
 
-void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, raycaster *r,
-                  inertial *n) {
+void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps,
+                  raycaster *r, inertial *n) {
     memset(t, 0, sizeof *t);
     t->config = config;
     t->device = d;
@@ -54,7 +55,7 @@ void tracker_reset(tracker *t) {
     t->drawn = 0;
 }
 
-/* Too little surface for enough pairs lies before the camera: there is no need to cast the fine maps. After a tracked frame
+/* Whether too little surface for enough pairs is in view, so that the fine maps needn't be cast. After a tracked frame
  * there is enough. */
 static bool nothing_in_view(tracker *t, const pose *start) {
     const kernel_camera *c = &t->maps->camera[FINEST];
@@ -64,7 +65,7 @@ static bool nothing_in_view(tracker *t, const pose *start) {
                minimum_pairs(t->config, c->width * c->height);
 }
 
-/* A frame that isn't aligned. */
+/* The attempt of a frame that isn't aligned. */
 static void leave(const tracker *t, const pose *at, attempt *a) {
     a->icp = (alignment){.motion = *at, .condition = INFINITY};
     a->rotation_rad = a->translation_m = a->innovation = 0;
@@ -72,18 +73,18 @@ static void leave(const tracker *t, const pose *at, attempt *a) {
     a->verdict = has_depth(t->valid) ? FATHOM_VERDICT_FEW_PAIRS : FATHOM_VERDICT_NO_DEPTH;
 }
 
-/* The surface as it looks from there, near the scan. thorough: also where it is further from the scan than the truncation; a
+/* Casts the surface at a pose, near the scan. thorough: also where it is further from the scan than the truncation; a
  * good seed doesn't need that. */
 static void cast_maps(tracker *t, const pose *from, int coarsest, double sigma_m, bool thorough) {
     model_maps *m = &t->models;
-    raycast_near(t->raycaster, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m), thorough,
-                        &m->level[FINEST]);
+    raycast_near(t->raycaster, t->device, t->maps, from, align_reach(&t->aligner, coarsest, sigma_m),
+                 thorough, &m->level[FINEST]);
     raycast_halve(t->raycaster, t->device, t->maps->camera, m->level, coarsest);
     device_wait(t->device);
     model_maps_renew(m, from, coarsest);
 }
 
-/* The scan with the surface, or with the last accepted frame. Start, prior and result: camera to world. */
+/* Aligns the scan with the surface, or with the last accepted frame. Start, prior and result: camera to world. */
 static void align_scan(tracker *t, const pose *start, const align_prior *prior, bool seeded, alignment *icp) {
     const fathom_config *c = t->config;
     const int *budget = seeded ? c->max_seeded_iterations : c->max_iterations;
@@ -119,13 +120,14 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
         return;
     }
     align_scan(t, start, prior, seeded, &a->icp);
-    /* maps cast from a start that was far off show another part of the surface: another round from where the first has led;
-     * from a place that the search proposes, which is rough, until the pose stays */
+    /* maps cast from a distant start show another part of the surface, so another round starts from the result; from a
+     * pose of the search, which is rough, rounds go on until the pose converges */
     bool recast = c->against == FATHOM_AGAINST_MODEL && !seeded && a->icp.pairs > 0;
     bool proposed = start != &prior->mean;
     pose led = *start;
     for (int i = 0; recast && i < (proposed ? MAX_ROUNDS : 1); i++) {
-        if (proposed ? stays(&led, &a->icp.motion) : model_maps_hold(&t->models, &a->icp.motion, FINEST)) break;
+        if (proposed ? stays(&led, &a->icp.motion) : model_maps_hold(&t->models, &a->icp.motion, FINEST))
+            break;
         led = a->icp.motion;
         align_scan(t, &led, prior, false, &a->icp);
     }
@@ -134,8 +136,8 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
     t->cost.ms_raycast += now_ms() - began;
 }
 
-/* While the IMU isn't known to be right, the frame is aligned from where the last velocity leads too, with that as its prior, and
- * what fits the surface clearly better is taken. */
+/* While the IMU is unchecked, the frame is also aligned from the pose that the last velocity predicts, with that as its
+ * prior; the result that fits the surface clearly better is taken. */
 static void second_attempt(tracker *t, const pose *seed, int64_t timestamp_ns, attempt *icp) {
     align_prior guess;
     attempt other = *icp;
@@ -147,15 +149,15 @@ static void second_attempt(tracker *t, const pose *seed, int64_t timestamp_ns, a
     if (fits_better(t->config, &other, icp)) *icp = other;
 }
 
-/* Alignment from the seed has failed, and the seed may be too far off: others about it are tried. */
+/* After alignment from the seed has failed, as when the seed is too far off: tries other poses around it. */
 static void search(tracker *t, const align_prior *seed, attempt *icp) {
     pose best[SEARCH_BEST];
     if (!worth_another_try(icp->verdict) || t->config->against != FATHOM_AGAINST_MODEL ||
         covariance_position_sigma(seed->covariance) < SEARCH_SIGMA_M)
         return;
     double began = now_ms();
-    int found = search_about(&t->aligner, t->device, t->maps, &t->view, t->raycaster, &seed->mean, seed->covariance,
-                             &t->drawn, best);
+    int found = search_about(&t->aligner, t->device, t->maps, &t->view, t->raycaster, &seed->mean,
+                             seed->covariance, &t->drawn, best);
     icp->searched = true;
     t->cost.ms_align += now_ms() - began;
     for (int i = 0; i < found; i++) {
@@ -190,7 +192,7 @@ static void settle_contradiction(tracker *t, const align_prior *seed, int64_t ti
     for (int i = 0; i < 6; i++) icp->icp.pull[i] *= CONTRADICTED_TRUST;
 }
 
-/* Lost for long: this frame isn't looked for. */
+/* Lost for long: this frame isn't searched for. */
 static bool rests(const tracker *t) {
     return t->missed >= EAGER && t->missed % RARE != 0;
 }
@@ -218,5 +220,6 @@ void track_settle(tracker *t, fathom_state state, fathom_verdict verdict) {
 }
 
 void track_keep(tracker *t, const pose *at) {
-    if (t->config->against == FATHOM_AGAINST_PREVIOUS) model_maps_take_frame(&t->models, t->device, t->maps, at);
+    if (t->config->against == FATHOM_AGAINST_PREVIOUS)
+        model_maps_take_frame(&t->models, t->device, t->maps, at);
 }

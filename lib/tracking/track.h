@@ -1,5 +1,5 @@
-/* The line [rigidICP, tracking] = ICP(scan, M * d) of Figure 2: attempts to align the frame, each from a start of its own, until
- * one is to be trusted. The prior is what inertia says, wherever an attempt starts. */
+/* The line [rigidICP, tracking] = ICP(scan, M * d) of Figure 2: attempts to align the frame, each from another start,
+ * until one is trusted. The prior is the inertial estimate, wherever an attempt starts. */
 #ifndef FATHOM_TRACK_H
 #define FATHOM_TRACK_H
 
@@ -7,7 +7,7 @@
 #include "inertial/inertial.h"
 #include "tracking/verdict.h"
 
-/* What a frame has cost: the sum over its attempts, those that failed too. */
+/* The cost of a frame: the sum over its attempts, failed ones included. */
 typedef struct {
     int iterations;
     double ms_raycast, ms_align;
@@ -24,28 +24,29 @@ typedef struct {
     model_view view;
     bool strayed;   /* the last frame wasn't tracked */
     int64_t contradicted_ns, contradiction_ns; /* the surface contradicts poses that inertia confirms: since then, and last */
-    int missed;     /* frames in a row, lost, that every attempt has failed for */
+    int missed;     /* consecutive lost frames for which every attempt failed */
     unsigned drawn; /* hypotheses of relocalisation so far */
-    /* of the frame at hand */
-    double valid; /* the part of it that is valid depth */
+    /* of the current frame */
+    double valid; /* the fraction of valid depth */
     tracking_cost cost;
 } tracker;
 
-void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps, raycaster *r,
-                  inertial *n);
+void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps,
+                  raycaster *r, inertial *n);
 void tracker_close(tracker *t);
 void tracker_reset(tracker *t);
 
-/* Figure 2's line. The frame's maps are made; seed: M * d. True where *icp is to be trusted. Waits for the device. */
+/* Figure 2's line. The frame's maps are made; seed: M * d. True if *icp is trusted. Waits for the device. */
 bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, attempt *icp);
 
-/* One attempt: aligns from a start, and judges. seeded: with max_seeded_iterations. The frame is that of the last track(). */
+/* One attempt: aligns from a start, and judges the result. seeded: with max_seeded_iterations. The frame is that of the
+ * last track(). */
 void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool seeded, attempt *a);
 
-/* What became of the frame decides how hard the next one is looked for. */
+/* Takes the frame's outcome, which decides how thoroughly the next one is searched for. */
 void track_settle(tracker *t, fathom_state state, fathom_verdict verdict);
 
-/* A pose was accepted: with FATHOM_AGAINST_PREVIOUS the frame is what the next one is aligned with. */
+/* Takes an accepted pose: with FATHOM_AGAINST_PREVIOUS the next frame is aligned with this one. */
 void track_keep(tracker *t, const pose *at);
 
 #endif

@@ -36,13 +36,15 @@ fathom_verdict judge_alignment(const fathom_config *c, const alignment *icp, dou
     if (icp->pairs < minimum_pairs(c, icp->pixels)) return FATHOM_VERDICT_FEW_PAIRS;
     if (icp->pairs < c->min_overlap * icp->overlap) return FATHOM_VERDICT_OVERLAP;
     if (!(icp->rms <= c->max_rms_m)) return FATHOM_VERDICT_RESIDUAL;
-    if (c->prior == FATHOM_PRIOR_SEED && !(icp->condition <= c->max_condition)) return FATHOM_VERDICT_CONDITION;
+    if (c->prior == FATHOM_PRIOR_SEED && !(icp->condition <= c->max_condition))
+        return FATHOM_VERDICT_CONDITION;
     if (!(innovation <= c->max_innovation_sigmas)) return FATHOM_VERDICT_INNOVATION;
     return FATHOM_VERDICT_TRACKING;
 }
 
 fathom_verdict judge_view(const fathom_config *c, const comparison *k) {
-    bool agree = k->agree >= c->min_agreement * k->visible, through = k->through > c->max_see_through * k->visible;
+    bool agree = k->agree >= c->min_agreement * k->visible,
+         through = k->through > c->max_see_through * k->visible;
     return agree && !through ? FATHOM_VERDICT_TRACKING : FATHOM_VERDICT_CONTRADICTION;
 }
 
@@ -80,7 +82,8 @@ void judge(const fathom_config *c, model_view *view, device *d, depth_maps *maps
     measure_innovation(c, prior, a);
     a->agreement = a->see_through = NAN;
     a->verdict = judge_alignment(c, &a->icp, fmin(a->innovation, from_start.innovation));
-    if (a->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL && !evident(c, valid, a)) {
+    if (a->verdict == FATHOM_VERDICT_TRACKING && c->against == FATHOM_AGAINST_MODEL &&
+        !evident(c, valid, a)) {
         comparison k;
         model_view_compare(view, d, maps, r, &a->icp.motion, c->agreement_tolerance_m + c->voxel_m, &k);
         a->agreement = k.visible > 0 ? k.agree / k.visible : 0;
@@ -101,7 +104,7 @@ bool undoubted(const fathom_config *c, const attempt *a) {
     return a->verdict == FATHOM_VERDICT_TRACKING && (unseen || a->innovation < UNDOUBTED_SIGMAS);
 }
 
-/* Squared distances summed; of `pixels` that could have pairs, those without are far. */
+/* Sum of squared distances; those of the `pixels` without a pair count as far. */
 static double misfit(const fathom_config *c, const alignment *icp, int pixels) {
     return icp->pairs * icp->rms * icp->rms + (pixels - icp->pairs) * c->max_rms_m * c->max_rms_m;
 }

@@ -261,9 +261,10 @@ typedef struct {
     int64_t later[4];
 } fathom_memory_plan;
 FATHOM_API int64_t fathom_memory_required(const fathom_config *config, char *why, size_t why_size);
-FATHOM_API int fathom_plan_memory(const fathom_config *config, fathom_memory_plan *plan, char *why, size_t why_size);
-FATHOM_API int fathom_init(fathom **context, const fathom_config *config, void *memory, size_t size, char *why,
-                           size_t why_size);
+FATHOM_API int fathom_plan_memory(const fathom_config *config, fathom_memory_plan *plan, char *why,
+                                  size_t why_size);
+FATHOM_API int fathom_init(fathom **context, const fathom_config *config, void *memory, size_t size,
+                           char *why, size_t why_size);
 FATHOM_API int fathom_save_kernels(fathom *context, const char *path);
 FATHOM_API void fathom_close(fathom *context);
 FATHOM_API int fathom_reset(fathom *context);
@@ -355,7 +356,8 @@ typedef struct {
 FATHOM_API int fathom_step(fathom *context, const fathom_depth_frame *frame, fathom_result *result);
 #define FATHOM_RECENT 60
 FATHOM_API int32_t fathom_get_recent(fathom *context, fathom_result *results, int32_t capacity);
-FATHOM_API int fathom_inertial_estimate(fathom *context, int64_t from_ns, int64_t to_ns, fathom_motion *motion);
+FATHOM_API int fathom_inertial_estimate(fathom *context, int64_t from_ns, int64_t to_ns,
+                                        fathom_motion *motion);
 FATHOM_API int fathom_get_pose(fathom *context, fathom_pose *pose, double covariance[36]);
 typedef struct {
     uint32_t struct_size;
@@ -399,7 +401,8 @@ typedef struct {
     float normal[3];
 } fathom_vertex;
 typedef int (*fathom_triangles)(void *user, const fathom_vertex *vertices, size_t triangle_count);
-FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom_triangles triangles, void *user);
+FATHOM_API int64_t fathom_extract_mesh(fathom *context, float min_weight, fathom_triangles triangles,
+                                       void *user);
 #define FATHOM_BLOCK_TRIANGLES 2560
 typedef enum {
     FATHOM_MESH_WHOLE = 0,

@@ -60,7 +60,8 @@ double ate(const std::string &folder, const std::vector<double> &stamps, const s
     cv::Vec3d mean_a(0, 0, 0), mean_b(0, 0, 0);
     for (size_t i = 0; i < stamps.size(); i++) {
         const double t = stamps[i];
-        const size_t k = static_cast<size_t>(std::lower_bound(times.begin(), times.end(), t - 1e-6) - times.begin());
+        const size_t k =
+            static_cast<size_t>(std::lower_bound(times.begin(), times.end(), t - 1e-6) - times.begin());
         if (k == times.size()) continue;
         const double part = k > 0 ? std::min((t - times[k - 1]) / (times[k] - times[k - 1]), 1.0) : 1;
         a.push_back(k > 0 ? truth[k - 1] * (1 - part) + truth[k] * part : truth[k]);

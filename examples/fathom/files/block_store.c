@@ -8,10 +8,10 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
-#define PART (FATHOM_BLOCK_VOXELS * sizeof(int16_t)) /* distances, and as much again of weights */
+#define PART (FATHOM_BLOCK_VOXELS * sizeof(int16_t)) /* distances, and the same size of weights */
 #define BLOCK (2 * PART)
 
-/* The scan goes on: what is lost is a piece of the surface, and only the first one is told. */
+/* The scan goes on: part of the surface is lost, and only the first loss is reported. */
 static void lose(struct block_store *store, const char *what, const char *why) {
     if (store->lost++ == 0)
         cli_error(CLI_FAILED,
@@ -31,7 +31,8 @@ static uint32_t *entry_of(const struct block_store *store, const fathom_block_ke
         hash ^= hash >> 15;
     }
     size_t at = hash & mask;
-    while (store->table[at] && memcmp(&store->keys[store->table[at] - 1], key, sizeof *key) != 0) at = (at + 1) & mask;
+    while (store->table[at] && memcmp(&store->keys[store->table[at] - 1], key, sizeof *key) != 0)
+        at = (at + 1) & mask;
     return &store->table[at];
 }
 
@@ -93,7 +94,7 @@ static int enumerate(void *user, int64_t position, fathom_block_key *key) {
 
 static char *template_for(const char *beside) {
     const char *folder = getenv("TMPDIR");
-    if (!folder || !*folder) folder = "/var/tmp"; /* on a disk, where /tmp often is memory */
+    if (!folder || !*folder) folder = "/var/tmp"; /* on a disk, unlike /tmp, which often is in memory */
     const char *start = beside ? beside : folder, *end = beside ? ".blocks.XXXXXX" : "/fathom.blocks.XXXXXX";
     const size_t size = strlen(start) + strlen(end) + 1;
     char *path = malloc(size);

@@ -1,7 +1,7 @@
-/* Keeps the blocks of the surface that make room at the pool's bound (--when-full drop) in a file, and gives them back.
+/* Keeps the blocks of the surface that make room in a full pool (--when-full drop) in a file, and returns them.
  *
- * The file loses its name as soon as it is made, so that it is gone with the process, however that ends. It has one place
- * for each block that was ever dropped, with the block's last copy; memory holds 24 to 48 bytes for each. */
+ * The file is unlinked as soon as it is created, so that it is gone with the process, however that ends. It has one
+ * place for each block that was ever dropped, with the block's last copy; memory holds 24 to 48 bytes for each. */
 #ifndef FATHOM_CLI_BLOCK_STORE_H
 #define FATHOM_CLI_BLOCK_STORE_H
 
@@ -12,7 +12,7 @@
 #include "fathom.h"
 
 struct block_store {
-    char *path; /* where the file was made; NULL: the store isn't open */
+    char *path; /* where the file was created; NULL: the store isn't open */
     int fd;
     fathom_block_store calls;
     fathom_block_key *keys; /* in the order of the blocks' places in the file */
@@ -21,11 +21,11 @@ struct block_store {
     int64_t lost;    /* copies that couldn't be kept or read; the first one was reported */
 };
 
-/* Where config says that blocks are dropped: makes the file, beside `beside` or, where that is NULL, in $TMPDIR or /var/tmp,
- * and sets config's block_store. The store must outlive the context. False after saying what went wrong. */
+/* If config drops blocks: creates the file, beside `beside` or, where that is NULL, in $TMPDIR or /var/tmp, and sets
+ * config's block_store. The store must outlive the context. False after an error message. */
 bool block_store_open(struct block_store *store, const char *beside, fathom_config *config);
 
-/* Says what was dropped and what became of it. False when something was lost. */
+/* Reports the dropped and restored blocks. False when a block was lost. */
 bool block_store_report(const struct block_store *store, fathom *scan);
 
 void block_store_close(struct block_store *store);

@@ -9,13 +9,15 @@ const struct option_row outputs_options[] = {
      .help = "TUM lines, one for every frame taken, dead-reckoned ones included"},
     {"--odometry", "FILE", OPTION_TEXT, AT(odometry_file),
      .help = "TUM lines of the pose that never jumps: without the corrections on being found again"},
-    {"--mesh", "FILE.ply", OPTION_TEXT, AT(mesh_file), .help = "the surface: binary PLY, metres, with normals"},
+    {"--mesh", "FILE.ply", OPTION_TEXT, AT(mesh_file),
+     .help = "the surface: binary PLY, metres, with normals"},
     {"--stats", "FILE.csv", OPTION_TEXT, AT(stats_file), .help = "a line per frame"},
     {0}};
 
 bool outputs_open(struct outputs *outputs, fathom_config *config) {
     if (outputs->mesh_file && !cli_can_write(outputs->mesh_file)) return false;
-    if (outputs->trajectory_file && !trajectory_open(&outputs->trajectory, outputs->trajectory_file)) return false;
+    if (outputs->trajectory_file && !trajectory_open(&outputs->trajectory, outputs->trajectory_file))
+        return false;
     if (outputs->odometry_file && !trajectory_open(&outputs->odometry, outputs->odometry_file)) return false;
     if (outputs->stats_file && !stats_open(&outputs->stats, outputs->stats_file)) return false;
     return block_store_open(&outputs->dropped, outputs->mesh_file, config);

@@ -1,4 +1,4 @@
-/* The files of a scan that replay and scan both write: line by line while it runs, the mesh at its end. */
+/* The files that replay and scan both write: line by line during the scan, the mesh at its end. */
 #ifndef FATHOM_FILES_OUTPUTS_H
 #define FATHOM_FILES_OUTPUTS_H
 
@@ -9,26 +9,27 @@
 #include "fathom/shell/options.h"
 
 struct outputs {
-    const char *trajectory_file, *odometry_file, *mesh_file, *stats_file; /* as the options have them; NULL: not wanted */
+    /* from the options; NULL: none */
+    const char *trajectory_file, *odometry_file, *mesh_file, *stats_file;
     struct trajectory trajectory, odometry;
     struct stats stats;
     struct block_store dropped;
-    bool failed; /* some file couldn't be written, and that was said; the others go on */
+    bool failed; /* a file couldn't be written, after an error message; the others go on */
 };
 
 /* The table of the options, for structs outputs. */
 extern const struct option_row outputs_options[];
 
-/* Opens what is wanted, and lets config keep dropped blocks. False after saying what went wrong. */
+/* Opens the requested files, and sets config's store of dropped blocks. False after an error message. */
 bool outputs_open(struct outputs *outputs, fathom_config *config);
 
-/* A frame more. */
+/* Adds a frame. */
 void outputs_add(struct outputs *outputs, const fathom_result *result);
 
-/* Whatever ended the frames, what was scanned until then is written; log is the context's. */
+/* Writes the mesh, also of an interrupted scan; log is the context's. */
 void outputs_finish(struct outputs *outputs, fathom *scan, struct cli_log *log);
 
-/* After the context is closed. Nothing need have been opened. */
+/* After the context is closed. Allowed when nothing is open. */
 void outputs_close(struct outputs *outputs);
 
 #endif

@@ -6,7 +6,7 @@
 
 #include "fathom/files/view.h"
 
-/* The surface is sampled by looking at it from poses along the way: which costs no mesh. */
+/* The surface is sampled by ray-casts from poses along the path, which needs no mesh. */
 #define LOOKS 16
 #define LOOK_WIDTH 160
 #define LOOK_HEIGHT 120
@@ -17,7 +17,7 @@ struct scene {
     float (*points)[3];
     int count;
     float centre[3];
-    float forward[3], up[3], right[3]; /* how the camera was held, on the whole */
+    float forward[3], up[3], right[3]; /* mean orientation of the camera */
     float *depth;                      /* a map of LOOK_WIDTH x LOOK_HEIGHT */
 };
 
@@ -31,7 +31,7 @@ static void cross(const float a[3], const float b[3], float out[3]) {
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* False, and nothing changed, for a vector that has no direction. */
+/* False, and nothing is changed, for a vector without a direction. */
 static bool normalise(float v[3]) {
     const float length = sqrtf(dot(v, v));
     if (!(length > 1e-3f)) return false;
@@ -44,8 +44,8 @@ static int compare(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Upwards is against the camera's y axis, forward along its z axis, each averaged over the way. Someone who
- * has turned right round has no average direction: then the first pose's has to do. */
+/* Upwards is against the camera's y axis, forward along its z axis, each averaged over the path. After a full turn
+ * there is no average direction: then the first pose's is used. */
 static void find_axes(struct scene *scene, const struct path *path) {
     double first[16], m[16];
     if (fathom_pose_to_matrix(&path->points[0].pose, first)) return;
@@ -92,7 +92,7 @@ static int sample_surface(fathom *context, const struct path *path, struct scene
     return scene->count ? FATHOM_OK : FATHOM_ERROR_NO_DATA;
 }
 
-/* The middle of the 5th and 95th percentile along each axis: a few far points don't move it. */
+/* The middle between the 5th and 95th percentile along each axis, insensitive to outliers. */
 static int find_centre(struct scene *scene) {
     float *sorted = malloc((size_t)scene->count * sizeof *sorted);
     if (!sorted) return FATHOM_ERROR_MEMORY;
@@ -127,7 +127,7 @@ static void look_from(const struct scene *scene, float azimuth, float elevation,
     fathom_pose_from_matrix(m, &view->pose);
 }
 
-/* Where a world point falls in the view; false when it is behind it or outside. */
+/* Projects a world point into the view; false when it is behind it or outside. */
 static bool project(const fathom_view *view, const float world[3], float margin, float *u, float *v,
                     float *z) {
     float at[3];
@@ -143,7 +143,7 @@ static void position_of(const struct path_point *point, float out[3]) {
     for (int k = 0; k < 3; k++) out[k] = (float)point->pose.position[k];
 }
 
-/* Nearly all of the surface and all of the way are in the frame. */
+/* Whether nearly all of the surface and all of the path are in the frame. */
 static bool shows_all(const struct scene *scene, const struct path *path, const fathom_view *view) {
     const float margin = 0.04f * (float)view->camera.width;
     float u, v, z;
@@ -172,7 +172,7 @@ static float nearest_distance(const struct scene *scene, const struct path *path
     return far;
 }
 
-/* How much a view shows: surface and way that nothing stands in front of, and how well it fills the frame. */
+/* The score of a view: unoccluded surface and path, and how well they fill the frame. */
 static int score_view(fathom *context, const struct scene *scene, const struct path *path,
                       const fathom_view *view, float *score) {
     fathom_view small = *view;

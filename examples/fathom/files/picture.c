@@ -17,11 +17,11 @@ struct canvas {
     fathom_view view;
     uint8_t *rgb;
     float *depth, *normals;
-    float *ink;     /* how much of a pixel the line covers, 0..1 */
+    float *ink;     /* fraction of a pixel that the line covers, 0..1 */
     uint8_t *state; /* whose colour it is */
 };
 
-/* Okabe and Ito's colours, which can be told apart by the colour-blind as well. */
+/* Okabe and Ito's colours, which colour-blind people can distinguish, too. */
 static const uint8_t colours[4][3] = {
     [FATHOM_FIRST] = {0, 114, 178},
     [FATHOM_TRACKED] = {0, 114, 178},
@@ -33,8 +33,8 @@ static int clamp(float value, int low, int high) {
     return !(value > (float)low) ? low : value > (float)high ? high : (int)value;
 }
 
-/* Inks every pixel by how far the thick line from a to b (pixels and depth; a dot when they are the same)
- * covers it. What a pixel has already isn't added to, or the joints of a line would show. */
+/* Inks every pixel by the fraction that the thick line from a to b (pixels and depth; a dot when they are the same)
+ * covers. Takes the maximum with the pixel's present ink, so that joints of a line don't show. */
 static void ink_line(struct canvas *canvas, const float a[3], const float b[3], float half_width,
                      fathom_state state) {
     const int left = clamp(fminf(a[0], b[0]) - half_width - 1, 0, WIDTH),
@@ -60,7 +60,7 @@ static void ink_line(struct canvas *canvas, const float a[3], const float b[3], 
         }
 }
 
-/* Lays what was inked over the picture and clears it for the next layer. */
+/* Blends the ink into the image and clears it for the next layer. */
 static void blend(struct canvas *canvas, const uint8_t *one_colour, float strength) {
     for (size_t i = 0; i < (size_t)WIDTH * HEIGHT; i++) {
         const float ink = canvas->ink[i] * strength;
@@ -96,7 +96,7 @@ static int draw(fathom *context, const struct path *path, struct canvas *canvas)
     if (result >= 0) result = fathom_cast_view(context, &canvas->view, canvas->depth, canvas->normals);
     if (result < 0) return result;
     shade(canvas->depth, canvas->normals, (size_t)WIDTH * HEIGHT, canvas->rgb);
-    /* A light rim sets the way off against dark surfaces and light ones. */
+    /* A light rim makes the path visible on dark and light surfaces. */
     ink_path(canvas, path, 3.2f);
     blend(canvas, white, 0.8f);
     ink_path(canvas, path, 1.8f);
@@ -112,7 +112,8 @@ bool picture_write(fathom *context, const struct path *path, const char *file) {
                             .ink = calloc(pixels, sizeof(float)),
                             .state = calloc(pixels, 1)};
     int result = FATHOM_ERROR_MEMORY;
-    if (canvas.rgb && canvas.depth && canvas.normals && canvas.ink && canvas.state) result = draw(context, path, &canvas);
+    if (canvas.rgb && canvas.depth && canvas.normals && canvas.ink && canvas.state)
+        result = draw(context, path, &canvas);
     if (result == FATHOM_ERROR_NO_DATA)
         cli_error(CLI_FAILED, "%s: no surface to draw", file);
     else if (result < 0)

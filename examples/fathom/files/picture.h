@@ -1,5 +1,4 @@
-/* The picture of a scan: the surface, shaded, seen from above and behind the way the camera took, with that
- * way in it. */
+/* The picture of a scan: the surface, shaded, seen from above and behind the camera's path, with the path in it. */
 #ifndef FATHOM_CLI_PICTURE_H
 #define FATHOM_CLI_PICTURE_H
 
@@ -7,7 +6,7 @@
 
 #include "fathom/replay/path.h"
 
-/* Writes the PNG; false after saying what went wrong (then there is no file). */
+/* Writes the PNG; false after an error message (then there is no file). */
 bool picture_write(fathom *context, const struct path *path, const char *file);
 
 #endif

@@ -7,18 +7,6 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Corners are shared with neighbouring voxels, so within a block and the blocks made soon after: a table of
- * this many places (4 MB) finds nearly all of them again. A corner that has been forgotten is written a
- * second time, no more. */
-#define WINDOW_SETS (1u << 16)
-#define WINDOW_WAYS 4u
-
-struct ply_slot {
-    float position[3];
-    uint32_t index_plus_one; /* 0: free */
-};
-
-#define VERTEX_BYTES 24
 #define FACE_BYTES 13
 
 static bool fail(struct ply *ply, const char *why) {
@@ -41,7 +29,7 @@ static void put_float(unsigned char *out, float value) {
     put_u32(out, bits);
 }
 
-/* The header always has the same length: what the counts leave over fills up a comment. */
+/* The header always has the same length: a comment is padded to make up for the counts' lengths. */
 static bool write_header(struct ply *ply) {
     static const char filler[] = "........................................";
     char counts[64];
@@ -69,12 +57,11 @@ bool ply_open(struct ply *ply, const char *path) {
     *ply = (struct ply){.path = path};
     ply->vertices_path = joined(path, ".part");
     ply->faces_path = joined(path, ".faces.part");
-    ply->window = calloc(WINDOW_SETS * WINDOW_WAYS, sizeof *ply->window);
     errno = ENOMEM;
-    bool good = ply->vertices_path && ply->faces_path && ply->window;
-    if (good) good = (ply->vertices = fopen(ply->vertices_path, "wb")) != NULL;
+    bool good = ply->vertices_path && ply->faces_path;
+    if (good) good = (ply->vertices = fopen(ply->vertices_path, "wb+")) != NULL;
     if (good) good = (ply->faces = fopen(ply->faces_path, "wb+")) != NULL;
-    if (good) good = write_header(ply);
+    if (good) good = write_header(ply) && corners_open(&ply->corners, ply->vertices, ftell(ply->vertices));
     if (good) return true;
     fail_errno(ply);
     ply_discard(ply);
@@ -86,7 +73,7 @@ static bool same_position(const float a[3], const float b[3]) {
 }
 
 static bool write_vertex(struct ply *ply, const fathom_vertex *vertex) {
-    unsigned char bytes[VERTEX_BYTES];
+    unsigned char bytes[CORNER_BYTES];
     for (int i = 0; i < 3; i++) {
         put_float(bytes + 4 * i, vertex->position[i]);
         put_float(bytes + 12 + 4 * i, vertex->normal[i]);
@@ -98,30 +85,15 @@ static bool write_vertex(struct ply *ply, const fathom_vertex *vertex) {
     return true;
 }
 
-/* The vertex's number in the file; writes it if it isn't remembered. */
+/* The vertex's number in the file; writes it if it isn't there yet. */
 static bool vertex_index(struct ply *ply, const fathom_vertex *vertex, uint32_t *index) {
-    uint32_t hash = 2166136261u;
-    for (int i = 0; i < 3; i++) {
-        const float coordinate = vertex->position[i] + 0.0f; /* -0 becomes 0: they compare as equal */
-        uint32_t bits;
-        memcpy(&bits, &coordinate, sizeof bits);
-        hash = (hash ^ bits) * 0x9E3779B1u;
-        hash ^= hash >> 15;
-    }
-    struct ply_slot *set = ply->window + (size_t)(hash % WINDOW_SETS) * WINDOW_WAYS;
-    struct ply_slot *slot = NULL;
-    for (uint32_t way = 0; way < WINDOW_WAYS; way++) {
-        if (set[way].index_plus_one && same_position(set[way].position, vertex->position)) {
-            *index = set[way].index_plus_one - 1;
-            return true;
-        }
-        if (!slot && !set[way].index_plus_one) slot = &set[way];
-    }
-    if (!slot) slot = &set[ply->clock++ % WINDOW_WAYS];
+    errno = 0;
+    const int found = corners_find(&ply->corners, vertex->position, index);
+    if (found < 0) return fail_errno(ply);
+    if (found > 0) return true;
     *index = (uint32_t)ply->vertex_count;
     if (!write_vertex(ply, vertex)) return false;
-    memcpy(slot->position, vertex->position, sizeof slot->position);
-    slot->index_plus_one = *index + 1;
+    corners_add(&ply->corners, vertex->position, *index);
     return true;
 }
 
@@ -129,7 +101,7 @@ int ply_triangles(void *user, const fathom_vertex *vertices, size_t triangle_cou
     struct ply *ply = user;
     for (size_t i = 0; i < triangle_count && !ply->failed; i++) {
         const fathom_vertex *corner = vertices + 3 * i;
-        /* A triangle that has shrunk to an edge shows nothing and upsets other tools. */
+        /* A triangle that has shrunk to an edge is invisible, and other tools reject it. */
         if (same_position(corner[0].position, corner[1].position) ||
             same_position(corner[1].position, corner[2].position) ||
             same_position(corner[2].position, corner[0].position))
@@ -171,7 +143,7 @@ bool ply_close(struct ply *ply) {
     }
     if (good) {
         free(ply->vertices_path);
-        ply->vertices_path = NULL; /* it has become the file itself */
+        ply->vertices_path = NULL; /* it has been renamed to the file itself */
     }
     ply_discard(ply);
     return good;
@@ -184,10 +156,9 @@ void ply_discard(struct ply *ply) {
     if (ply->faces_path) unlink(ply->faces_path);
     free(ply->vertices_path);
     free(ply->faces_path);
-    free(ply->window);
+    corners_close(&ply->corners);
     ply->vertices = ply->faces = NULL;
     ply->vertices_path = ply->faces_path = NULL;
-    ply->window = NULL;
 }
 
 bool ply_write_surface(fathom *scan, const char *path, struct cli_log *log) {

@@ -8,10 +8,11 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Into an open file; what went wrong, or NULL. */
+/* Writes into an open file; returns the reason of a failure, or NULL. */
 static const char *write_to(FILE *out, png_image *image, const uint8_t *rgb) {
     errno = 0;
-    if (!png_image_write_to_stdio(image, out, 0, rgb, 0, NULL)) return errno ? strerror(errno) : image->message;
+    if (!png_image_write_to_stdio(image, out, 0, rgb, 0, NULL))
+        return errno ? strerror(errno) : image->message;
     return fflush(out) || ferror(out) ? strerror(errno) : NULL;
 }
 

@@ -1,9 +1,10 @@
 #include "fathom/files/shade.h"
 
-/* In the light of the sky above the camera's left shoulder, and a little from the camera itself. */
+/* Lit from the sky above the camera's left shoulder, and a little from the camera itself. */
 static void shade_pixel(const float normal[3], uint8_t rgb[3]) {
     static const float colour[3] = {232, 226, 214}, shadow[3] = {6, 6, 14};
-    const float sky = 0.5f + 0.5f * (-0.45f * normal[0] - 0.70f * normal[1] - 0.55f * normal[2]), front = -normal[2];
+    const float sky = 0.5f + 0.5f * (-0.45f * normal[0] - 0.70f * normal[1] - 0.55f * normal[2]),
+                front = -normal[2];
     const float light = 0.10f + 0.62f * sky + 0.22f * (front > 0 ? front : 0);
     for (int i = 0; i < 3; i++) {
         const float c = colour[i] * light + shadow[i] * (1 - sky);

@@ -1,5 +1,4 @@
-/* The statistics file: a CSV header line, then a line a frame, on the disk as soon as it is known; and the
- * step times. */
+/* The statistics file: a CSV header line, then one line per frame, written at once; and quantiles of step times. */
 #ifndef FATHOM_CLI_STATS_H
 #define FATHOM_CLI_STATS_H
 
@@ -13,13 +12,12 @@ struct stats {
     FILE *file;
 };
 
-/* As for a trajectory: false after saying what went wrong; without a file nothing is done. */
+/* As for a trajectory: false after an error message; without a file they do nothing. */
 bool stats_open(struct stats *stats, const char *path);
 bool stats_add(struct stats *stats, const fathom_result *result);
 bool stats_close(struct stats *stats);
 
-/* The value that 'share' (0..1) of the values don't exceed, between neighbours linearly; NAN without values.
- * Sorts them. */
+/* The quantile 'share' (0..1) of the values, interpolated linearly; NAN without values. Sorts them. */
 double stats_quantile(float *values, int count, double share);
 
 #endif

@@ -21,7 +21,7 @@ bool trajectory_open(struct trajectory *trajectory, const char *path) {
 bool trajectory_add(struct trajectory *trajectory, int64_t timestamp_ns, const fathom_pose *pose) {
     if (!trajectory->file) return true;
     const double *p = pose->position, *q = pose->orientation;
-    /* Whole microseconds, without the detour over a double that can't hold them beside today's seconds. */
+    /* Whole microseconds, in integers, since a double can't represent them for present-day stamps. */
     const bool negative = timestamp_ns < 0;
     const int64_t us = ((negative ? -timestamp_ns : timestamp_ns) + 500) / 1000;
     fprintf(trajectory->file, "%s%" PRId64 ".%06" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",

@@ -1,10 +1,10 @@
-/* Views of the surface, and where a point falls in one. */
+/* Views of the surface, and the projection of points into them. */
 #ifndef FATHOM_CLI_VIEW_H
 #define FATHOM_CLI_VIEW_H
 
 #include "fathom.h"
 
-/* A view of that size, with its focal length in widths, and nothing else set but the identity pose. */
+/* A view of that size with the focal length in multiples of its width and the identity pose. */
 fathom_view view_of(int width, int height, double focal_widths);
 
 /* Pixel and depth of a point of the world; false when it is behind the view. */

@@ -24,16 +24,18 @@ const struct option_row live_options_rig[] = {
     {"--depth-size", "WxH", OPTION_SIZE, AT(size), 8, 16384, .help = "pixels (640x480, or the nearest)"},
     {"--rate", "HZ", OPTION_NUMBER, AT(rate), 0.1, 1000, .help = "frames per second"},
     {"--speed", "X", OPTION_NUMBER, AT(speed), 0, 1000,
-     .help = "recordings: 1 as recorded (default), 2 twice as fast; 0 as fast as they are taken, without losing a "
-             "frame"},
-    {"--duration", "S", OPTION_NUMBER, AT(duration), 0.001, 1e9, .help = "ends after that time; Ctrl-C ends it, too"},
+     .help = "recordings: 1 as recorded (default), 2 twice as fast; 0 as fast as they are taken, without "
+             "losing a frame"},
+    {"--duration", "S", OPTION_NUMBER, AT(duration), 0.001, 1e9,
+     .help = "ends after that time; Ctrl-C ends it, too"},
     {"--frames", "N", OPTION_WHOLE, AT(frames), 1, 1e9, .help = "ends after that number of frames"},
-    {"--reconnect", "on|off", OPTION_SWITCH, AT(reconnect), .help = "when unplugged, wait for the device (default on)"},
+    {"--reconnect", "on|off", OPTION_SWITCH, AT(reconnect),
+     .help = "when unplugged, wait for the device (default on)"},
     {0}};
 
 const struct option_row live_options_said[] = {
-    {"--json", NULL, OPTION_FLAG, AT(json), .help = "lines of JSON on stdout: scan's for each frame, log's each second, "
-                                                    "and one at the end"},
+    {"--json", NULL, OPTION_FLAG, AT(json),
+     .help = "lines of JSON on stdout: scan's for each frame, log's each second, and one at the end"},
     {"--progress", NULL, OPTION_FLAG, AT(progress), .help = "show the state even when stderr is no terminal"},
     {"--verbose", NULL, OPTION_FLAG, AT(verbose), .help = "say more on stderr"},
     {0}};

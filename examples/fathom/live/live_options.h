@@ -7,11 +7,11 @@
 
 struct live_options {
     const char *depth;       /* address of the depth source; NULL: the first that can be opened */
-    const char *imu;         /* the same of the inertial one; "": none */
+    const char *imu;         /* address of the inertial source; "": none */
     const char *rig;         /* folder with rig.txt and calibration.txt, or NULL */
-    struct option_size size; /* of the depth; 0: the source's usual */
-    double rate;             /* frames a second; 0: the source's usual */
-    double speed;            /* of recordings; 0: as fast as they are taken */
+    struct option_size size; /* of the depth; 0: the source's default */
+    double rate;             /* frames per second; 0: the source's default */
+    double speed;            /* of recordings; 0: as fast as frames are processed */
     double duration;         /* seconds; 0: no end */
     long frames;             /* 0: no end */
     bool reconnect, json, progress, verbose;

@@ -6,9 +6,9 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define SLICE_MS 100            /* between two looks whether to end */
-#define SAMPLES_WAIT_NS 5000000 /* a frame waits so long for the samples up to its stamp */
-#define SETTLE_NS 100000000     /* and at the end for one beyond it */
+#define SLICE_MS 100            /* interval of checks for the end */
+#define SAMPLES_WAIT_NS 5000000 /* maximum time that a frame waits for the samples up to its stamp */
+#define SETTLE_NS 100000000     /* maximum time, at the end, for one beyond it */
 
 /* ---- opening ---- */
 
@@ -133,7 +133,7 @@ const char *live_rig_mounting(const struct live_rig *rig, const struct live_opti
 
 /* ---- samples ---- */
 
-/* With what the tail of the batch shows of the sample period. */
+/* Updates the sample period from the end of the batch. */
 static void push(struct live_rig *rig, const fathom_imu_sample *samples, int count) {
     rig->take(rig->user, samples, count);
     const int64_t newest_ns = samples[count - 1].timestamp_ns + rig->clock_offset_ns;
@@ -181,7 +181,7 @@ int live_rig_start(struct live_rig *rig, int64_t clock_offset_ns, live_rig_take 
     return CLI_DONE;
 }
 
-/* Samples up to one beyond the stamp, as a replay pushes them. */
+/* Pushes samples up to one beyond the stamp, as in a replay. */
 static void pull_until(struct live_rig *rig, int64_t stamp_ns) {
     while (!rig->ended && rig->newest_ns <= stamp_ns) {
         if (rig->kept_next < rig->kept_count) {
@@ -204,7 +204,7 @@ void live_rig_push_until(struct live_rig *rig, int64_t stamp_ns) {
     }
     const struct timespec until = clock_timespec(clock_now_ns() + SAMPLES_WAIT_NS);
     pthread_mutex_lock(&rig->lock);
-    /* Without a sample for many periods there is nothing to wait for: the sensor is silent. */
+    /* Without a sample for many periods the sensor is silent, and waiting is useless. */
     const bool alive = rig->newest_ns > stamp_ns - 10 * rig->period_ns - SAMPLES_WAIT_NS;
     while (alive && !rig->ended && rig->newest_ns + rig->period_ns < stamp_ns)
         if (pthread_cond_timedwait(&rig->pushed, &rig->lock, &until)) break;

@@ -1,4 +1,4 @@
-/* fathom log: what live sources give goes into a recording folder. shell/log.c is another thing: the messages. */
+/* fathom log: records live sources into a folder. (shell/log.c is about messages.) */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/live/live_options.h"
@@ -14,8 +14,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define SLICE_MS 100 /* between two looks whether to end */
-/* A disk may pause for as long as these last before the oldest are dropped. */
+#define SLICE_MS 100 /* interval of checks for the end */
+/* The disk may pause for as long as these last; then the oldest are dropped. */
 #define FRAMES_KEPT 30
 #define SAMPLES_KEPT 16384
 #define LINE_NS 1000000000 /* between two lines of JSON */
@@ -28,7 +28,7 @@ struct logging {
     struct live_rig rig;
     struct rig_watch watch;
     fathom_sink *sink;
-    atomic_bool imu_failed; /* imu.txt can't be written any more */
+    atomic_bool imu_failed; /* writing imu.txt has failed */
     fathom_config config; /* size, intrinsics, depth scale, mounting */
     int64_t end_ns;       /* CLOCK_MONOTONIC */
     int64_t line_ns;      /* when the last line of JSON was printed */
@@ -37,7 +37,7 @@ struct logging {
 
 /* ---- before the first frame ---- */
 
-/* Clearing the folder must not take away what is to be read. */
+/* Clearing the folder must not remove files to be read. */
 static bool is_read_from(const struct logging *logging, const char *place) {
     struct stat to, from;
     if (!place || stat(logging->folder, &to)) return false;
@@ -96,7 +96,8 @@ static int64_t missing(const fathom_source_status *status) {
 static void print_json_line(struct logging *logging) {
     const fathom_source_status *depth = &logging->watch.depth, *imu = &logging->watch.imu;
     const fathom_sink_status w = written(logging);
-    printf("{\"t\":%.9f,\"frames\":%" PRId64 ",\"samples\":%" PRId64 ",\"bytes\":%" PRId64 ",\"depth\":\"%s\","
+    printf("{\"t\":%.9f,\"frames\":%" PRId64 ",\"samples\":%" PRId64 ",\"bytes\":%" PRId64
+           ",\"depth\":\"%s\","
            "\"rate_hz\":%.2f,\"frames_dropped\":%" PRId64 ",\"frames_missing\":%" PRId64 ",\"imu\":\"%s\","
            "\"imu_rate_hz\":%.2f,\"samples_dropped\":%" PRId64 ",\"samples_missing\":%" PRId64 "}\n",
            (double)w.last_ns * 1e-9, w.frames, w.samples, bytes_of(&w),
@@ -158,14 +159,15 @@ static void report_end(struct logging *logging) {
 /* A live_rig_take, on the rig's thread. */
 static void take_samples(void *user, const fathom_imu_sample *samples, int count) {
     struct logging *logging = user;
-    if (!logging->imu_failed && fathom_sink_write_imu(logging->sink, samples, count)) logging->imu_failed = true;
+    if (!logging->imu_failed && fathom_sink_write_imu(logging->sink, samples, count))
+        logging->imu_failed = true;
 }
 
 static bool is_over(const struct logging *logging) {
     return cli_interrupted() || clock_now_ns() >= logging->end_ns;
 }
 
-/* False when there are enough, or no more can be written. */
+/* False when there are enough, or writing has failed. */
 static bool take_frame(struct logging *logging, const fathom_source_frame *frame) {
     const long frames = logging->live.frames;
     if (fathom_sink_write_depth(logging->sink, frame->depth)) return false;
@@ -189,7 +191,7 @@ static int take_frames(struct logging *logging) {
             more = take_frame(logging, &frame);
         if (logging->imu_failed) more = false;
     }
-    /* What has arrived until now is still written. */
+    /* Data that has arrived until now is still written. */
     fathom_source_stop(depth);
     while (more && fathom_source_read_depth(depth, &frame) == FATHOM_OK) more = take_frame(logging, &frame);
     const fathom_sink_status w = written(logging);
@@ -204,8 +206,10 @@ static const struct option_row own[] = {
      .help = "record into a folder that isn't empty; a recording in it is removed"},
     {0}};
 
-static const struct option_group groups[] = {
-    {"Rig", live_options_rig, AT(live)}, {"Recording", own, 0}, {"What is said", live_options_said, AT(live)}, {0}};
+static const struct option_group groups[] = {{"Rig", live_options_rig, AT(live)},
+                                             {"Recording", own, 0},
+                                             {"What is said", live_options_said, AT(live)},
+                                             {0}};
 
 static int run(const struct command *command, int argc, char **argv) {
     static struct logging logging;
@@ -217,7 +221,7 @@ static int run(const struct command *command, int argc, char **argv) {
     logging.log.verbose = logging.live.verbose;
     fathom_config_init(&logging.config);
     cli_catch_interrupt();
-    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
+    signal(SIGXFSZ, SIG_IGN); /* at the file size limit, writing then fails with a message instead of a kill */
 
     status = live_rig_open(&logging.rig, &logging.live, &logging.log);
     if (!status) status = live_rig_configure(&logging.rig, &logging.live, &logging.config, &logging.log);
@@ -244,8 +248,8 @@ static int run(const struct command *command, int argc, char **argv) {
 const struct command command_log = {
     .name = "log",
     .summary = "record what a live rig gives, for a replay",
-    .about = "Records what a depth camera and an inertial sensor give into a recording folder (depth.txt, depth/*.png, "
-             "imu.txt, calibration.txt, rig.txt), for fathom replay.",
+    .about = "Records what a depth camera and an inertial sensor give into a recording folder (depth.txt, "
+             "depth/*.png, imu.txt, calibration.txt, rig.txt), for fathom replay.",
     .words = {{"folder", AT(folder)}},
     .groups = groups,
     .output = "The last line on stdout: frames= samples= frames_dropped= samples_dropped= bytes= seconds=\n"

@@ -1,4 +1,4 @@
-/* fathom scan: live sources go through the library as they come. */
+/* fathom scan: feeds live sources to the library. */
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "fathom/shell/library.h"
@@ -12,7 +12,7 @@
 #include <signal.h>
 #include <stdlib.h>
 
-#define SLICE_MS 100 /* between two looks whether to end */
+#define SLICE_MS 100 /* interval of checks for the end */
 
 struct scan {
     struct live_options live;
@@ -64,7 +64,7 @@ static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
     return CLI_DONE;
 }
 
-/* While no frames come, the samples that go on must not fill the ring. */
+/* Without frames, arriving samples must not fill the ring. */
 static void keep_reckoning(struct scan *scan) {
     fathom_motion motion = FATHOM_STRUCT(fathom_motion);
     if (scan->last_ns != INT64_MIN)
@@ -107,9 +107,11 @@ static void clean_up(struct scan *scan) {
 
 #define AT(field) offsetof(struct scan, field)
 
-static const struct option_group groups[] = {
-    {"Rig", live_options_rig, AT(live)}, {"Files written", outputs_options, AT(outputs)}, SETTINGS_GROUPS(AT(settings)),
-    {"What is said", live_options_said, AT(live)}, {0}};
+static const struct option_group groups[] = {{"Rig", live_options_rig, AT(live)},
+                                             {"Files written", outputs_options, AT(outputs)},
+                                             SETTINGS_GROUPS(AT(settings)),
+                                             {"What is said", live_options_said, AT(live)},
+                                             {0}};
 
 static int run(const struct command *command, int argc, char **argv) {
     static struct scan scan;
@@ -121,7 +123,7 @@ static int run(const struct command *command, int argc, char **argv) {
     scan.log.verbose = scan.rig_log.verbose = scan.live.verbose;
     scan.last_ns = INT64_MIN;
     cli_catch_interrupt();
-    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
+    signal(SIGXFSZ, SIG_IGN); /* at the file size limit, writing then fails with a message instead of a kill */
 
     fathom_config *config = &scan.settings.config;
     status = live_rig_open(&scan.rig, &scan.live, &scan.rig_log);
@@ -133,8 +135,8 @@ static int run(const struct command *command, int argc, char **argv) {
         status = cli_error(CLI_FAILED, "out of memory");
     if (!status) status = library_start(&scan.library, config, &scan.log);
     if (!status)
-        status =
-            live_rig_start(&scan.rig, config->imu_clock_offset_ns, push_samples, scan.library.scan, &scan.rig_log);
+        status = live_rig_start(&scan.rig, config->imu_clock_offset_ns, push_samples, scan.library.scan,
+                                &scan.rig_log);
     if (!status) {
         status = take_frames(&scan);
         outputs_finish(&scan.outputs, scan.library.scan, &scan.log);
@@ -151,9 +153,11 @@ const struct command command_scan = {
     .summary = "track and reconstruct what a live rig sees",
     .about = "Tracks and reconstructs what a depth camera and an inertial sensor give, as it comes.",
     .groups = groups,
-    .later = "--log --foxglove --allow-origin --serve --trajectory-final --trajectory-format --report --save-map "
-             "--save-every --resume --salvage --strict --flow --color --cache",
-    .output = "The last line on stdout: frames= tracked= reckoned= lost= ms_median= ms_p95= latency_ms_median= "
-              "latency_ms_p95= frames_dropped= frames_missing= samples= samples_dropped= blocks= arena_mb=\n"
-              "latency is from a frame's arrival to its step.",
+    .later =
+        "--log --foxglove --allow-origin --serve --trajectory-final --trajectory-format --report --save-map "
+        "--save-every --resume --salvage --strict --flow --color --cache",
+    .output =
+        "The last line on stdout: frames= tracked= reckoned= lost= ms_median= ms_p95= latency_ms_median= "
+        "latency_ms_p95= frames_dropped= frames_missing= samples= samples_dropped= blocks= arena_mb=\n"
+        "latency is from a frame's arrival to its step.",
     .run = run};

@@ -45,8 +45,8 @@ static void print_json(const struct scan_report *report, const struct live_rig *
            "\"latency_ms\":%.2f,\"depth\":\"%s\",\"rate_hz\":%.2f,\"dropped\":%" PRId64
            ",\"missing\":%" PRId64 ",\"imu\":\"%s\",\"imu_health\":\"%s\"}\n",
            (double)result->timestamp_ns * 1e-9, fathom_state_name(result->state),
-           fathom_verdict_name(result->verdict), p[0], p[1], p[2], q[0], q[1], q[2], q[3], result->pairs, (double)result->rms_m,
-           result->blocks, (double)result->ms_total, latency_ms,
+           fathom_verdict_name(result->verdict), p[0], p[1], p[2], q[0], q[1], q[2], q[3], result->pairs,
+           (double)result->rms_m, result->blocks, (double)result->ms_total, latency_ms,
            fathom_source_state_name(report->watch.depth.state), report->watch.depth.rate_hz,
            report->watch.depth.frames_dropped, report->watch.depth.lost,
            rig->imu ? fathom_source_state_name(report->watch.imu.state) : "none",

@@ -1,4 +1,4 @@
-/* What a live scan says: the line on the terminal, JSON lines, the summary. */
+/* The output of a live scan: the line on the terminal, JSON lines, the summary. */
 #ifndef FATHOM_CLI_SCAN_REPORT_H
 #define FATHOM_CLI_SCAN_REPORT_H
 
@@ -19,7 +19,7 @@ struct scan_report {
 bool scan_report_start(struct scan_report *report, bool json, bool progress);
 void scan_report_free(struct scan_report *report);
 
-/* A step was made; latency_ms: from the frame's arrival to it. */
+/* Takes the result of a step; latency_ms: from the frame's arrival to it. */
 void scan_report_frame(struct scan_report *report, const struct live_rig *rig, const fathom_result *result,
                        double latency_ms);
 

@@ -12,8 +12,7 @@ static int range_of(const struct frame_ranges *ranges, int frame) {
     return -1;
 }
 
-/* The median valid depth, in units, of frames from..to-1 together; 0 when they show nothing, -1 when one
- * can't be read. */
+/* The median valid depth, in units, of frames from..to-1 together; 0 when they are empty, -1 when one can't be read. */
 static int median_units(const fathom_recording *recording, int from, int to, uint16_t *pixels) {
     const size_t count = (size_t)recording->camera.width * (size_t)recording->camera.height;
     uint64_t *histogram = calloc(65536, sizeof *histogram);
@@ -110,7 +109,8 @@ static void undistort(const double k[8], double *x, double *y) {
     const double x0 = *x, y0 = *y;
     for (int i = 0; i < 10; i++) {
         const double r2 = *x * *x + *y * *y;
-        const double over = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4])), under = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+        const double over = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4])),
+                     under = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
         const double dx = 2 * k[2] * *x * *y + k[3] * (r2 + 2 * *x * *x);
         const double dy = k[2] * (r2 + 2 * *y * *y) + 2 * k[3] * *x * *y;
         *x = (x0 - dx) * under / over;
@@ -143,7 +143,7 @@ static bool render_wall(const struct disturb *disturb, const struct disturb_wall
 bool disturb_render(const struct disturb *disturb, int frame, uint16_t *pixels) {
     const size_t count = (size_t)disturb->recording->camera.width * (size_t)disturb->recording->camera.height;
     const int card = range_of(disturb->cards, frame), wall = range_of(disturb->walls, frame);
-    /* A covered lens sees neither wall nor card, and a card hides the wall. */
+    /* A covered lens hides wall and card, and a card hides the wall. */
     if (range_of(disturb->outages, frame) >= 0) {
         memset(pixels, 0, count * sizeof *pixels);
     } else if (card >= 0) {

@@ -1,5 +1,5 @@
-/* Spoils frames of a recording on purpose: a covered lens, a bare wall, a card in front of the camera. Frames
- * are counted as the recording has them, whatever the stride. */
+/* Spoils frames of a recording on purpose: a covered lens, a bare wall, a card in front of the camera. Frame numbers
+ * are the recording's, independent of the stride. */
 #ifndef FATHOM_CLI_DISTURB_H
 #define FATHOM_CLI_DISTURB_H
 
@@ -20,16 +20,16 @@ struct disturb {
     uint16_t card[MOST_RANGES]; /* depth in units */
 };
 
-/* Looks at the frames that say where walls and cards stand; pixels is room for one frame. Returns a CLI_
- * status, and says what was wrong, except for a frame that can't be read: that is in the recording's log. */
+/* Reads the frames that define the positions of walls and cards; pixels has room for one frame. Returns a CLI_ status,
+ * after a message on errors, except for a frame that can't be read: that message is in the recording's log. */
 int disturb_prepare(struct disturb *disturb, const fathom_recording *recording,
                     const struct frame_ranges *outages, const struct frame_ranges *walls,
                     const struct frame_ranges *cards, uint16_t *pixels);
 
-/* The frame's file need not be read: it arrives blank, as a card or as a wall. */
+/* Whether the frame is replaced by a blank one, a card or a wall, so that its file needn't be read. */
 bool disturb_replaces(const struct disturb *disturb, int frame);
 
-/* Fills in that frame. False, and says so, when there is no reference pose for a wall. */
+/* Fills in that frame. False after an error message when there is no reference pose for a wall. */
 bool disturb_render(const struct disturb *disturb, int frame, uint16_t *pixels);
 
 #endif

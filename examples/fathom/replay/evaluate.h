@@ -5,9 +5,9 @@
 #include "fathom_drivers.h"
 #include "fathom/replay/path.h"
 
-/* The root of the mean squared distance left between two sets of points after the rotation and translation of
- * the first that make it least (Horn 1987, "Closed-form solution of absolute orientation using unit
- * quaternions"; no scale). NAN below three points, where nearly everything fits. */
+/* The root mean square distance between two sets of points after the rigid alignment of the first that minimises it
+ * (Horn 1987, "Closed-form solution of absolute orientation using unit quaternions"; no scale). NAN below three points,
+ * which can nearly always be aligned. */
 double evaluate_rmse(const double (*estimate)[3], const double (*truth)[3], int count);
 
 /* The same over all poses of the path that the recording has a reference pose for. NAN without any. */

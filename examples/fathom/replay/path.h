@@ -1,4 +1,4 @@
-/* The way the camera took, kept for the evaluation and the picture. */
+/* The camera's path, kept for the evaluation and the picture. */
 #ifndef FATHOM_CLI_PATH_H
 #define FATHOM_CLI_PATH_H
 

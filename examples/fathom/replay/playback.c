@@ -31,7 +31,7 @@ int playback_open(fathom_recording **out, const char *folder, const char *imu_fi
     return CLI_DONE;
 }
 
-/* Samples from before the first frame tell the bias and where up is; ten seconds of them are plenty. */
+/* Samples from before the first frame determine the bias and gravity; ten seconds of them are enough. */
 static const int64_t lead_in_ns = 10000000000;
 
 static int first_imu(const fathom_recording *recording) {
@@ -43,8 +43,8 @@ static int first_imu(const fathom_recording *recording) {
     return first;
 }
 
-/* How far the samples must be pushed before frame 'index': one beyond its stamp, so that it can be
- * interpolated at. later_ns: what their stamps are to be later by than the recording says. */
+/* The number of samples to push before frame 'index': up to one beyond its stamp, for interpolation. later_ns: by which
+ * their stamps are later than in the recording. */
 static int imu_until(const fathom_recording *recording, int next, int index, int64_t later_ns) {
     const int64_t stamp = recording->frames[index].timestamp_ns - later_ns;
     while (next < recording->imu_count &&
@@ -66,7 +66,7 @@ static int imu_capacity(const fathom_recording *recording, int stride) {
     return capacity;
 }
 
-#define NEAR_M 0.5        /* a scene of which a fifth is nearer */
+#define NEAR_M 0.5        /* maximum depth of a fifth of a near scene */
 #define NEAR_VOXEL 0.003f /* metres; for it */
 
 void playback_choose_voxel(const fathom_recording *recording, struct settings *settings) {

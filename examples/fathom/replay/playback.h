@@ -1,4 +1,4 @@
-/* A recording folder on its way into the library, as it would have come from the rig. */
+/* Feeds a recording folder to the library as the rig would have done. */
 #ifndef FATHOM_CLI_PLAYBACK_H
 #define FATHOM_CLI_PLAYBACK_H
 
@@ -6,18 +6,19 @@
 #include "fathom/shell/library.h"
 #include "fathom/shell/settings.h"
 
-/* The library, and how far the samples have gone into it. */
+/* The library, and the position in the samples. */
 struct playback {
     struct library library;
-    int next_imu;                /* the first sample that hasn't been pushed */
+    int next_imu;                /* the next sample to push */
     int64_t imu_clock_offset_ns; /* of the settings, from which --refine-rig starts */
 };
 
-/* Opens a folder and says on stderr what had to be assumed. Returns a CLI_ status, after saying what went wrong. */
+/* Opens a folder, with notes on stderr about assumptions. Returns a CLI_ status, after a message on errors. */
 int playback_open(fathom_recording **recording, const char *folder, const char *imu_file,
                   const struct settings *settings, struct cli_log *log);
 
-/* Where no voxel size was given: a small one for a near scene, such as a face or an object on a table. Says so. */
+/* Where no voxel size is given: sets a small one for a near scene, such as a face or an object on a table, with a
+ * note. */
 void playback_choose_voxel(const fathom_recording *recording, struct settings *settings);
 
 /* Starts the library for every stride-th frame of the recording; completes *config. As above. */
@@ -27,7 +28,7 @@ int playback_start(struct playback *playback, const fathom_recording *recording,
 /* Pushes the samples up to frame 'index', and one beyond its stamp, so that it can be interpolated at. */
 void playback_push_imu(struct playback *playback, const fathom_recording *recording, int index);
 
-/* Nothing need have been started. */
+/* Allowed when it wasn't started. */
 void playback_stop(struct playback *playback);
 
 #endif

@@ -1,4 +1,4 @@
-/* fathom replay: a recording goes through the library as it would have come from the rig. */
+/* fathom replay: feeds a recording to the library as the rig would have done. */
 #include "fathom/commands.h"
 #include "fathom/files/outputs.h"
 #include "fathom/files/picture.h"
@@ -26,10 +26,12 @@ struct replay {
 
 static int open_recording(struct replay *replay) {
     struct replay_options *options = &replay->options;
-    int status = playback_open(&replay->recording, options->folder, options->imu, &options->settings, &replay->log);
+    int status =
+        playback_open(&replay->recording, options->folder, options->imu, &options->settings, &replay->log);
     if (status) return status;
     const fathom_recording *recording = replay->recording;
-    replay->pixels = malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *replay->pixels);
+    replay->pixels =
+        malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *replay->pixels);
     if (!replay->pixels) return cli_error(CLI_FAILED, "out of memory");
     log_clear(&replay->log);
     status = disturb_prepare(&replay->disturb, recording, &options->outages, &options->walls, &options->cards,
@@ -62,7 +64,7 @@ static int start_library(struct replay *replay) {
 
 /* ---- frames -------------------------------------------------------------------------------------------- */
 
-/* The frame as the recording has it, or as a covered lens, a wall or a card would have made it. */
+/* The recording's frame, or that of a covered lens, a wall or a card. */
 static int read_depth(struct replay *replay, int index) {
     if (disturb_replaces(&replay->disturb, index))
         return disturb_render(&replay->disturb, index, replay->pixels) ? CLI_DONE : CLI_FAILED;
@@ -70,7 +72,7 @@ static int read_depth(struct replay *replay, int index) {
     return read ? cli_error(CLI_FAILED, "%s", log_reason(&replay->log, read)) : CLI_DONE;
 }
 
-/* A step of the library. A frame that it refuses is left out: *taken false. */
+/* A step of the library. A refused frame is left out: *taken false. */
 static int step(struct replay *replay, int index, fathom_result *result, bool *taken) {
     const fathom_recording *recording = replay->recording;
     const fathom_depth_frame frame = {.struct_size = sizeof frame,
@@ -115,13 +117,14 @@ static int take_frames(struct replay *replay) {
 
 /* ---- after the last frame ------------------------------------------------------------------------------ */
 
-/* Whatever ended the frames, what was scanned until then is written. */
+/* Writes the scan so far, also after an interrupt or an error. */
 static void finish(struct replay *replay) {
     const struct replay_options *options = &replay->options;
     struct outputs *outputs = &replay->options.outputs;
     fathom *scan = replay->playback.library.scan;
     outputs_finish(outputs, scan, &replay->log);
-    if (options->picture && !picture_write(scan, &replay->report.path, options->picture)) outputs->failed = true;
+    if (options->picture && !picture_write(scan, &replay->report.path, options->picture))
+        outputs->failed = true;
     if (options->picture && outputs->dropped.count)
         cli_note("%s: shows what is in memory, without what made room", options->picture);
     replay_report_counters(scan, options->verbose);
@@ -143,7 +146,7 @@ static int run(const struct command *command, int argc, char **argv) {
     if (status) return status;
     replay.log.verbose = replay.options.verbose;
     cli_catch_interrupt();
-    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is then a failed write, which is told, not a kill */
+    signal(SIGXFSZ, SIG_IGN); /* at the file size limit, writing then fails with a message instead of a kill */
 
     status = open_recording(&replay);
     if (!status) status = open_files(&replay);
@@ -164,7 +167,9 @@ const struct command command_replay = {
     .about = "Tracks and reconstructs a recording folder (TUM RGB-D / ETH3D layout).",
     .words = {{"folder", offsetof(struct replay_options, folder)}},
     .groups = replay_groups,
-    .later = "--trajectory-final --trajectory-format --report --json --save-map --save-every --resume --salvage --strict "
-             "--flow --color --depth-topic --imu-topic --color-topic --follow --first --cache",
-    .output = "The last line on stdout: frames= tracked= reckoned= lost= ate_rmse_m= ms_median= ms_p95= blocks= arena_mb=",
+    .later = "--trajectory-final --trajectory-format --report --json --save-map --save-every --resume "
+             "--salvage --strict --flow --color --depth-topic --imu-topic --color-topic --follow --first "
+             "--cache",
+    .output = "The last line on stdout: frames= tracked= reckoned= lost= ate_rmse_m= ms_median= ms_p95= "
+              "blocks= arena_mb=",
     .run = run};

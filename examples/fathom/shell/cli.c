@@ -1,4 +1,4 @@
-/* What the commands share: see cli.h. */
+/* Shared by the commands: see cli.h. */
 #include "fathom/shell/cli.h"
 
 #include <errno.h>
@@ -20,18 +20,17 @@ static struct {
     const char *what;
     long total;
     bool shown;   /* progress is wanted at all */
-    bool on_line; /* something stands on the line now */
+    bool on_line; /* the progress line isn't empty */
     struct timespec last;
 } progress;
 
-/* One line, written with one call, so that the lines of two threads don't mix; a progress line gives way to
- * it. */
+/* One line, written with one call, so that the lines of two threads don't mix; a progress line is erased first. */
 static void print_line(const char *kind, const char *format, va_list arguments) {
     char text[1024];
     vsnprintf(text, sizeof text, format, arguments);
     for (char *c = text; *c; c++)
         if (*c == '\n' || *c == '\r')
-            *c = ' '; /* a file name may hold anything; the message stays one line */
+            *c = ' '; /* a file name may contain anything; the message stays one line */
     pthread_mutex_lock(&lock);
     fprintf(stderr, "%sfathom: %s%s\n", progress.on_line ? "\r\033[K" : "", kind, text);
     progress.on_line = false;
@@ -155,7 +154,7 @@ void cli_progress(long done, const char *detail) {
     fprintf(stderr, "%s%s %ld", terminal ? "\r\033[K" : "", progress.what, done);
     if (progress.total > 0) fprintf(stderr, "/%ld", progress.total);
     if (detail && *detail) fprintf(stderr, " %s", detail);
-    if (!terminal) fputc('\n', stderr); /* forced into a file or a pipe: a line each, no escapes */
+    if (!terminal) fputc('\n', stderr); /* forced into a file or a pipe: one line per update, no escapes */
     progress.on_line = terminal;
     fflush(stderr);
     pthread_mutex_unlock(&lock);

@@ -1,10 +1,11 @@
-/* Completion for bash. A value's name in the help says what may be offered for it: FILE, FOLDER, or words with | between. */
+/* Completion for bash. A value's name in the help determines what is offered for it: files for FILE, folders for
+ * FOLDER, or words separated by |. */
 #include "fathom/shell/help.h"
 
 #include <ctype.h>
 #include <string.h>
 
-/* Words of an argument that are meant as they stand: "file|none" offers none. */
+/* The literal words of an argument: "file|none" offers none. */
 static void print_words(const char *argument) {
     const char *before = "";
     for (const char *word = argument; word;) {
@@ -17,7 +18,7 @@ static void print_words(const char *argument) {
     }
 }
 
-/* One alternative of the case over the word before: all options whose value has this name. */
+/* One alternative of the case over the previous word: all options whose value has this name. */
 static void print_values(const struct option_row *const *rows, int count, const char *argument) {
     const char *before = "        ";
     for (int i = 0; i < count; i++)
@@ -42,10 +43,12 @@ static void print_command(const struct command *command) {
     const struct option_row *rows[MOST_OPTIONS];
     const int count = options_list(command, NULL, rows, NULL);
     bool file = false;
-    for (const struct command_word *word = command->words; word->name; word++) file |= !strcmp(word->name, "file");
+    for (const struct command_word *word = command->words; word->name; word++)
+        file |= !strcmp(word->name, "file");
     printf("    %s)\n        words='--help", command->name);
     for (int i = 0; i < count; i++) printf(" %s", rows[i]->name);
-    printf("' kind=%s\n        case $before in\n", file ? "file" : command->words[0].name ? "folder" : "word");
+    printf("' kind=%s\n        case $before in\n",
+           file ? "file" : command->words[0].name ? "folder" : "word");
     for (int i = 0; i < count; i++)
         if (rows[i]->argument && !came_before(rows, i)) print_values(rows, count, rows[i]->argument);
     puts("        esac ;;");

@@ -5,11 +5,11 @@
 
 #define WIDTH 100
 #define INDENT 4
-#define COLUMN 31 /* where what an option does begins */
+#define COLUMN 31 /* column of an option's description */
 
-/* Writes the text from the present column on, in lines that begin at `indent`. */
+/* Writes the text from the current column on, in lines that begin at `indent`. */
 static void print_wrapped(const char *text, int column, int indent) {
-    bool begun = true; /* of a line: no blank before the next word */
+    bool begun = true; /* at the beginning of a line: no blank before the next word */
     while (*text) {
         const int length = (int)strcspn(text, " \n");
         if (!begun && column + 1 + length > WIDTH) {
@@ -74,6 +74,7 @@ void help_print_commands(const struct command *const *commands) {
     for (; *commands; commands++) printf("    %-10s %s\n", (*commands)->name, (*commands)->summary);
     puts("\n    fathom COMMAND --help     the command's options\n"
          "    fathom --version          the version\n"
-         "    fathom --completion bash  completion of commands and options: source <(fathom --completion bash)\n"
+         "    fathom --completion bash  completion of commands and options: source <(fathom "
+         "--completion bash)\n"
          "    fathom --man              the manual page: fathom --man | man -l -");
 }

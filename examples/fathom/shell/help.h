@@ -1,4 +1,4 @@
-/* What is said of the commands, all from their tables: --help, shell completion, the manual page. */
+/* The help of the commands, from their tables: --help, shell completion, the manual page. */
 #ifndef FATHOM_SHELL_HELP_H
 #define FATHOM_SHELL_HELP_H
 
@@ -9,7 +9,7 @@
 /* fathom COMMAND --help. */
 void help_print(const struct command *command);
 
-/* fathom --help. The commands of these end with NULL. */
+/* fathom --help. A NULL ends the commands, here and below. */
 void help_print_commands(const struct command *const *commands);
 
 /* fathom --completion bash: a script for bash to source. */

@@ -14,7 +14,8 @@ int library_start(struct library *library, fathom_config *config, struct cli_log
     library->plan = FATHOM_STRUCT(fathom_memory_plan);
     int result = fathom_plan_memory(config, &library->plan, NULL, 0);
     if (result < 0) return cli_error(library_status(result), "%s", log_reason(log, result));
-    const size_t align = FATHOM_ALIGNMENT, size = ((size_t)library->plan.host_bytes + align - 1) / align * align;
+    const size_t align = FATHOM_ALIGNMENT,
+                 size = ((size_t)library->plan.host_bytes + align - 1) / align * align;
     library->memory = aligned_alloc(align, size);
     if (!library->memory) return cli_error(CLI_FAILED, "out of memory: %zu bytes for the library", size);
     result = fathom_init(&library->scan, config, library->memory, size, NULL, 0);

@@ -1,4 +1,4 @@
-/* A scanning context with the block of memory that it lives in. */
+/* A scanning context with its block of memory. */
 #ifndef FATHOM_SHELL_LIBRARY_H
 #define FATHOM_SHELL_LIBRARY_H
 
@@ -12,13 +12,13 @@ struct library {
     fathom *scan;
 };
 
-/* Starts it; its messages go to log, which config then names. Returns a CLI_ status, after saying what went wrong. */
+/* Starts it; its messages go to log, which is set in config. Returns a CLI_ status, after a message on errors. */
 int library_start(struct library *library, fathom_config *config, struct cli_log *log);
 
-/* Nothing need have been started. */
+/* Allowed when it wasn't started. */
 void library_stop(struct library *library);
 
-/* Wrong settings are the user's to mend (CLI_USAGE); the rest has failed. */
+/* The CLI_ status for an error: CLI_USAGE for wrong settings, else CLI_FAILED. */
 int library_status(int error);
 
 #endif

@@ -8,7 +8,7 @@
 #include "fathom.h"
 
 struct cli_log {
-    bool verbose;     /* show what is only informative, too */
+    bool verbose;     /* show informative messages, too */
     char error[1024]; /* the first error since log_clear, one line; empty without one */
 };
 
@@ -17,7 +17,7 @@ void log_message(void *user, fathom_log_level level, const char *text);
 
 void log_clear(struct cli_log *log);
 
-/* What went wrong, for people: the library's own words, else the error's name. */
+/* The reason of an error: the library's message, else the error's name. */
 const char *log_reason(const struct cli_log *log, int error);
 
 #endif

@@ -6,7 +6,7 @@
 
 #include "fathom.h"
 
-/* What roff would take for more than itself: a backslash, a dash that is to stay one, a dot or quote that begins a line. */
+/* Characters to escape for roff: a backslash, a dash that is to stay one, a dot or quote at the beginning of a line. */
 static void put_text(const char *text) {
     bool begun = true; /* of a line */
     for (; *text; text++) {
@@ -37,8 +37,9 @@ static void put_row(const struct option_row *row) {
     putchar('\n');
 }
 
-/* The first command before this one that has the same table, or NULL. */
-static const struct command *first_with(const struct option_group *group, const struct command *const *commands,
+/* The first command before this one with the same table, or NULL. */
+static const struct command *first_with(const struct option_group *group,
+                                        const struct command *const *commands,
                                         const struct command *present) {
     for (; *commands != present; commands++)
         for (const struct option_group *g = (*commands)->groups; g->rows; g++)
@@ -59,7 +60,8 @@ static void put_options(const struct command *command, const struct command *con
     if (!like) return;
     printf(".PP\nAnd these options of \\fBfathom %s\\fR:", like->name);
     for (const struct option_group *group = command->groups; group->rows; group++)
-        for (const struct option_row *row = group->rows; row->name && first_with(group, commands, command); row++) {
+        for (const struct option_row *row = group->rows; row->name && first_with(group, commands, command);
+             row++) {
             fputs("\n\\fB", stdout);
             put_text(row->name);
             fputs("\\fR", stdout);

@@ -4,8 +4,8 @@
 #include <limits.h>
 #include <string.h>
 
-/* Copies what stands before the next separator; NULL when it doesn't fit. Moves *text behind the separator,
- * or to NULL at the end. */
+/* Copies the text before the next separator; NULL when it doesn't fit. Moves *text behind the separator, or to NULL at
+ * the end. */
 static const char *next_part(const char **text, char separator, char part[64]) {
     const char *end = strchr(*text, separator);
     const size_t length = end ? (size_t)(end - *text) : strlen(*text);

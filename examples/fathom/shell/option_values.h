@@ -1,4 +1,4 @@
-/* The values of options, from their text. Each returns false, after saying so, for a text that is none. */
+/* The values of options, from their text. Each returns false after an error message for an invalid text. */
 #ifndef FATHOM_SHELL_OPTION_VALUES_H
 #define FATHOM_SHELL_OPTION_VALUES_H
 
@@ -7,7 +7,7 @@
 /* "on" or "off". */
 bool parse_switch(const char *option, const char *text, bool *on);
 
-/* One of the words, such as "model|previous|none", by its place among them. */
+/* One of the words, such as "model|previous|none", by its index among them. */
 bool parse_choice(const char *option, const char *text, const char *words, int *choice);
 
 /* "A,B,C": exactly count numbers within [low, high]. */
@@ -31,7 +31,7 @@ struct frame_ranges {
     struct frame_range range[MOST_RANGES];
 };
 
-/* "A:B[,A:B]", added to those that are there. */
+/* "A:B[,A:B]", added to the present ones. */
 bool parse_ranges(const char *option, const char *text, struct frame_ranges *ranges);
 
 #endif

@@ -42,7 +42,8 @@ static bool is_word_of(const char *words, const char *name) {
     return false;
 }
 
-static int refuse(const struct command *command, const char *word, const struct option_row *const *rows, int count) {
+static int refuse(const struct command *command, const char *word, const struct option_row *const *rows,
+                  int count) {
     char name[64];
     snprintf(name, sizeof name, "%.*s", (int)strcspn(word, "="), word);
     if (is_word_of(command->later, name)) return cli_error(CLI_USAGE, "%s: not yet available", name);
@@ -92,7 +93,8 @@ static int take_word(const struct command *command, void *into, int taken, const
         *(const char **)((char *)into + word->at) = text;
         return CLI_DONE;
     }
-    if (taken < count) return cli_error(CLI_USAGE, "%s: the name of the %s is empty", command->name, word->name);
+    if (taken < count)
+        return cli_error(CLI_USAGE, "%s: the name of the %s is empty", command->name, word->name);
     if (!count) return cli_error(CLI_USAGE, "%s: takes no %s", command->name, text);
     if (count > 1) return cli_error(CLI_USAGE, "%s: %s is one word too many", command->name, text);
     return cli_error(CLI_USAGE, "%s: more than one %s: %s and %s", command->name, command->words[0].name,
@@ -101,7 +103,7 @@ static int take_word(const struct command *command, void *into, int taken, const
 
 /* ---- reading ---- */
 
-/* getopt_long takes the beginning of a name for the name; a script that relied on that would break with the next option. */
+/* getopt_long accepts abbreviated names; a script that relied on them would break with the next new option. */
 static bool is_whole(const struct option_row *row, char **argv) {
     const char *word = argv[optind - 1];
     if (row->argument && optarg == word) word = argv[optind - 2];
@@ -116,11 +118,11 @@ int options_read(const struct command *command, void *into, int argc, char **arg
     const int count = options_list(command, into, rows, structs);
     int words = 0;
     for (int i = 0; i < count; i++)
-        table[i + 1] = (struct option){rows[i]->name + 2, rows[i]->argument ? required_argument : no_argument, NULL,
-                                       FIRST + i};
-    optind = 0; /* begin anew, whoever used getopt before */
+        table[i + 1] = (struct option){rows[i]->name + 2, rows[i]->argument ? required_argument : no_argument,
+                                       NULL, FIRST + i};
+    optind = 0; /* begin anew after any previous use of getopt */
     opterr = 0;
-    /* -: words come in their order, as 1; and the arguments stay where they are. */
+    /* -: words are returned in order, as 1, and the arguments aren't permuted. */
     for (int kind; (kind = getopt_long(argc, argv, "-:h", table, NULL)) != -1;) {
         const int about = kind == ':' || kind == '?' ? optopt : kind;
         const struct option_row *row = about >= FIRST ? rows[about - FIRST] : NULL;

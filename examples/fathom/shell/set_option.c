@@ -8,7 +8,7 @@
 
 #define NAME_SIZE 64
 
-/* The setting that was likely meant; false: there is none. */
+/* The setting to suggest; false: none. */
 static bool find_nearest(const char *name, char nearest[NAME_SIZE]) {
     fathom_setting setting = FATHOM_STRUCT(fathom_setting);
     int fewest = near_name_limit(name);
@@ -32,8 +32,8 @@ static bool refuse(const char *option, const char *name, const char *value, int 
     char nearest[NAME_SIZE];
     if (why == FATHOM_ERROR_NAME) {
         const bool near = find_nearest(name, nearest);
-        cli_error(CLI_USAGE, "%s: there is no setting '%s'%s%s%s; fathom info --settings lists them", option, name,
-                  near ? " (did you mean " : "", nearest, near ? "?)" : "");
+        cli_error(CLI_USAGE, "%s: there is no setting '%s'%s%s%s; fathom info --settings lists them", option,
+                  name, near ? " (did you mean " : "", nearest, near ? "?)" : "");
         return false;
     }
     describe(name, &setting);

@@ -6,7 +6,7 @@
 
 #include "fathom.h"
 
-/* Sets NAME=VALUE in *config. False, after saying what was wrong. A text's value stays in `text`. */
+/* Sets NAME=VALUE in *config. False after an error message. A text's value stays in `text`. */
 bool set_option_apply(const char *option, const char *text, fathom_config *config);
 
 /* Whether NAME=VALUE is for that name. */

@@ -26,7 +26,7 @@ static bool set_threads(void *into, const char *option, const char *text) {
     return true;
 }
 
-/* ICP's usual start, the frame before's pose (Section 3.1). The sigma grows as a hand may turn and move. */
+/* ICP's usual start, the previous frame's pose (Section 3.1). The sigma grows as hand-held motion may. */
 static int stay(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motion) {
     const double turn = 1.0, speed = 0.5; /* rad/s, m/s */
     const double dt = 1e-9 * ((double)to_ns - (double)from_ns);
@@ -65,7 +65,7 @@ static bool set_iterations(void *into, const char *option, const char *text) {
     return sum > 0;
 }
 
-/* What has an option of its own stays as that says. */
+/* Settings with their own option keep its value. */
 static bool set_preset(void *into, const char *option, const char *text) {
     struct settings *settings = into;
     int choice;
@@ -149,17 +149,18 @@ const struct option_row settings_camera[] = {
     {0}};
 
 const struct option_row settings_alignment[] = {
-    {"--translation", "on|off", OPTION_SWITCH, AT(config.imu_translation), .help = "inertial translation (default on)"},
+    {"--translation", "on|off", OPTION_SWITCH, AT(config.imu_translation),
+     .help = "inertial translation (default on)"},
     {"--refine-rig", "on|off", OPTION_SWITCH, AT(config.refine_rig),
      .help = "refine the IMU's mounting rotation and clock offset while scanning (default off)"},
     {"--against", "model|previous", OPTION_CHOICE, AT(config.against),
      .help = "align with the ray-cast surface (default) or with the frame before"},
     {"--prior", "seed|information", OPTION_CHOICE, AT(config.prior),
-     .help = "what inertia does for the alignment: where to start (the paper's way; an ill-conditioned one is rejected), "
-             "or also its information (default)"},
+     .help = "what inertia does for the alignment: where to start (the paper's way; an ill-conditioned one "
+             "is rejected), or also its information (default)"},
     {"--start", "inertia|previous", OPTION_PARSED, .parse = set_start,
-     .help = "where alignment starts: at the inertial estimate (default), or at the frame before's pose, as it does "
-             "where there is no inertial navigation"},
+     .help = "where alignment starts: at the inertial estimate (default), or at the frame before's pose, as "
+             "it does where there is no inertial navigation"},
     {"--iterations", "A,B,C", OPTION_PARSED, .parse = set_iterations,
      .help = "maximum iterations at the coarsest..finest level, each 0..100"},
     {"--size", "WxH", OPTION_PARSED, .parse = set_size,
@@ -168,19 +169,22 @@ const struct option_row settings_alignment[] = {
 
 const struct option_row settings_surface[] = {
     {"--preset", "tiny|small|large", OPTION_PARSED, .parse = set_preset,
-     .help = "settings for a board: maps up to 160, 320 (default), 640 wide; voxels of 20, 10, 8 mm; at most 64, 128, "
-             "256 MB. --size, --voxel and --memory win over it"},
+     .help = "settings for a board: maps up to 160, 320 (default), 640 wide; voxels of 20, 10, 8 mm; at "
+             "most 64, 128, 256 MB. --size, --voxel and --memory win over it"},
     {"--voxel", "M", OPTION_PARSED, .parse = set_voxel,
-     .help = "voxel size, metres (default 0.01; 0.003 where a fifth of the first frame lies within half a metre)"},
+     .help = "voxel size, metres (default 0.01; 0.003 where a fifth of the first frame lies within half a "
+             "metre)"},
     {"--memory", "MB", OPTION_PARSED, .parse = set_memory,
      .help = "maximum memory, host and device together (default 128; MB is 2^20)"},
     {"--when-full", "stop|drop", OPTION_CHOICE, AT(config.when_full),
-     .help = "when that memory holds no more surface: it stops growing (default), or what was seen longest ago makes "
-             "room: replay and scan keep it in a file (2 KB per block; beside the mesh, else in $TMPDIR or /var/tmp; "
-             "without a name, gone at the end), give it back when the camera returns and put it into the mesh"},
+     .help =
+         "when that memory holds no more surface: it stops growing (default), or what was seen longest ago "
+         "makes room: replay and scan keep it in a file (2 KB per block; beside the mesh, else in $TMPDIR "
+         "or /var/tmp; without a name, gone at the end), give it back when the camera returns and put it "
+         "into the mesh"},
     {"--fuse-behind", "on|off", OPTION_SWITCH, AT(config.fuse_behind),
-     .help = "the pose first, the surface while the next frame is on its way: the same result, sooner (scan: on by "
-             "default, else off)"},
+     .help = "the pose first, the surface while the next frame is on its way: the same result, sooner "
+             "(scan: on by default, else off)"},
     {0}};
 
 const struct option_row settings_device[] = {
@@ -194,6 +198,6 @@ const struct option_row settings_device[] = {
 
 const struct option_row settings_any[] = {
     {"--set", "NAME=VALUE", OPTION_PARSED, .parse = set_any,
-     .help = "any setting of the library, several times if need be; fathom info --settings lists them. It wins over "
-             "options, rig.txt and calibration.txt"},
+     .help = "any setting of the library, several times if need be; fathom info --settings lists them. It "
+             "wins over options, rig.txt and calibration.txt"},
     {0}};

@@ -1,4 +1,4 @@
-/* The options that settle a fathom_config; all commands that take settings share them. */
+/* The options that set a fathom_config; shared by all commands with settings. */
 #ifndef FATHOM_CLI_SETTINGS_H
 #define FATHOM_CLI_SETTINGS_H
 
@@ -20,16 +20,18 @@ struct settings {
 
 void settings_start(struct settings *settings);
 
-/* Sets in *config what --set gave, once more: over what a recording or a rig has said since. */
+/* Applies the --set options to *config again, over values of a recording or a rig. */
 void settings_apply_set(const struct settings *settings, fathom_config *config);
 
 /* Their tables, for structs settings. */
 extern const struct option_row settings_camera[], settings_alignment[], settings_surface[], settings_device[],
     settings_any[];
 
-/* The groups of them in a command whose struct has its settings at `at`. */
-#define SETTINGS_GROUPS(at)                                                                                            \
-    {"Depth camera", settings_camera, at}, {"Alignment", settings_alignment, at}, {"Surface", settings_surface, at},   \
-        {"OpenCL device", settings_device, at}, {"Any setting", settings_any, at}
+/* Their groups, in a command whose struct has its settings at `at`. */
+#define SETTINGS_GROUPS(at)                                                                                  \
+    {"Depth camera", settings_camera, at}, {"Alignment", settings_alignment, at},                            \
+        {"Surface", settings_surface, at}, {"OpenCL device", settings_device, at}, {                         \
+        "Any setting", settings_any, at                                                                      \
+    }
 
 #endif

@@ -1,14 +1,14 @@
-/* The accelerometer against alignment's turning and moving. */
+/* Checks the accelerometer against alignment's rotation and translation. */
 #include "inertial/health/evidence.h"
 #include "inertial/health/axis_maps.h"
 
 #include <math.h>
 #include <string.h>
 
-#define FORCE_SCATTER 0.008 /* of its energy specific force has beside gravity when nothing is wrong */
+#define FORCE_SCATTER 0.008 /* fraction of its energy that specific force has beside gravity without a fault */
 #define MEMORY_FORCES 200              /* intervals, the same for specific force */
 
-/* Energy of specific force in the world beside its mean, in parts of all, were its axes mapped like this. */
+/* Energy of specific force in world axes beside its mean, as a fraction of all, with its axes mapped by `map`. */
 static double scatter_with(const plausibility *p, const double map[9]) {
     double mean[3] = {0, 0, 0};
     for (int i = 0; i < 3; i++) /* R map^T f */
@@ -18,7 +18,7 @@ static double scatter_with(const plausibility *p, const double map[9]) {
     return 1 - length / p->forced / p->force_squared;
 }
 
-/* Gravity stays where it is in the world while the camera turns. True when no other axes explain the force better. */
+/* Gravity is constant in world axes while the camera turns. True when no other axes explain the force better. */
 bool judge_axes(plausibility *p) {
     double map[9], best_map[9] = {0}, now, best = 1, least = 1;
     int simplest = 99;

@@ -4,7 +4,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-#define TIE_LEAST 0.002     /* of the energy, are the same: the simplest is told */
+#define TIE_LEAST 0.002     /* fraction of the energy within which maps count as equal: the simplest is reported */
 
 static double explained_by(const double map[9], const double gw[9]) {
     double sum = 0;
@@ -28,8 +28,8 @@ int signed_permutation(int k, double map[9]) {
     return determinant(map) > 0 ? 3 : k < 32 && negative == 0 ? 1 : 4;
 }
 
-/* The likeliest signed permutation: the simplest of those that leave hardly more unexplained than the best does. Returns its
- * sum; *rivals: so many others are as simple. */
+/* The most likely signed permutation: the simplest of those whose misfit hardly exceeds the minimum. Returns its sum;
+ * *rivals: number of others that are as simple. */
 double best_permutation(const double gw[9], double scatter, double best_map[9], int *rivals) {
     double map[9], most = 0, sum = 0;
     int simplest = 99;

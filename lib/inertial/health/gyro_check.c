@@ -1,27 +1,28 @@
-/* The gyroscope against alignment's turning. */
+/* Checks the gyroscope against alignment's rotation. */
 #include "inertial/health/evidence.h"
 #include "inertial/health/axis_maps.h"
 
 #include <math.h>
 #include <string.h>
 
-/* How sure is sure enough. Real rigs that are right have a misfit of 0.1 to 2 times the expected one. */
+/* Limits for decisions. Correct real rigs have a misfit of 0.1 to 2 times the expected one. */
 #define ENOUGH_INTERVALS 6
-#define PLENTY_TURN (60 * DEGREE) /* for what is told apart less easily */
-#define AMPLE_TURN (90 * DEGREE) /* for what is said when nothing else explains it */
+#define PLENTY_TURN (60 * DEGREE) /* for faults that are harder to distinguish */
+#define AMPLE_TURN (90 * DEGREE) /* for the finding when nothing else explains the misfit */
 #define AMPLE_INTERVALS 25
 #define INTERVAL_NOISE 0.01       /* rad: misfit of a good rig over an interval, and ... */
 #define SCALE_NOISE 0.05          /* ... in parts of the turn */
-#define BIAS_SIGMA 0.1            /* rad/s: a bias beyond three of these is no bias */
+#define BIAS_SIGMA 0.1            /* rad/s: sigma of a bias; beyond three of it the reading isn't explained by a bias */
 #define REFUTED 4                 /* times the expected misfit */
 #define SUSPECT 2
-#define EXPLAINED 0.15      /* of the reading's energy may stay unexplained */
-#define HINT 0.15           /* times the expected misfit: worth being explained */
-#define TILT (10 * DEGREE)  /* a mounting that is off by less is no mistake */
-#define CLOCKS 5            /* a delay must be found so many times in a row: one that grows is a pace */
+#define EXPLAINED 0.15      /* fraction of the reading's energy that may stay unexplained */
+#define HINT 0.15           /* times the expected misfit: minimum that needs an explanation */
+#define TILT (10 * DEGREE)  /* smaller errors of the mounting are tolerated */
+/* a delay must be found this many consecutive times: a growing one is a wrong rate of the clock */
+#define CLOCKS 5
 #define MEMORY_TURN (360 * DEGREE)     /* older evidence fades */
 
-/* The sums without what a bias explains. */
+/* The sums less the part that a bias explains. */
 typedef struct {
     double ww, gw[9], gg;
 } moments;
@@ -37,8 +38,8 @@ static moments without_bias(const plausibility *p) {
     return m;
 }
 
-/* Correlation of both turning speeds when the stamps of samples run `scale` times as fast and come `delay` late; *gain: the
- * gyroscope's speed over alignment's. 0 where too little overlaps. */
+/* Correlation of both turning speeds if the stamps of samples run `scale` times as fast and are `delay` late; *gain:
+ * the gyroscope's speed over alignment's. 0 where too little overlaps. */
 static double correlation(const plausibility *p, double scale, double delay, double *gain) {
     const plausibility_profile *a = &p->seen, *b = &p->read;
     double n = 0, x = 0, y = 0, xx = 0, yy = 0, xy = 0, origin = (double)p->origin_ns / BIN_NS;
@@ -64,7 +65,7 @@ static double correlation(const plausibility *p, double scale, double delay, dou
     return xy / sqrt(xx * yy);
 }
 
-/* A clock that is off: by a delay, or running at another pace. True also while it isn't sure which. */
+/* Checks for a wrong clock: delayed, or at a wrong rate. True also while it isn't certain which. */
 static bool find_clock(plausibility *p) {
     static const double scales[] = {1, 0.5, 2, 0.25, 4};
     double gain = 0, best = 0, now = correlation(p, 1, 0, &gain), scale = 1, delay = 0;

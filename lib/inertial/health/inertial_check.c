@@ -1,4 +1,5 @@
-/* Feeds inertial/health/plausibility.c with what samples and alignment say of the same stretches of time, and acts on what it finds. */
+/* Feeds inertial/health/plausibility.c with the motion by samples and by alignment over the same intervals, and acts on
+ * its findings. */
 #include <math.h>
 #include <string.h>
 
@@ -6,14 +7,14 @@
 #include "inertial/inertial.h"
 #include "inertial/start.h"
 
-#define INTERVAL_NS 150000000 /* evidence is gathered over at least this: alignment's noise counts less */
+#define INTERVAL_NS 150000000 /* minimum interval for evidence, so that alignment's noise counts less */
 #define INTERVAL_MOST_NS 700000000
-#define INTERVAL_TURN 1.0  /* rad: beyond, the integral of the rate isn't the rotation vector any more */
-#define GUESS_NS 300000000 /* a hand's velocity is no guess for longer */
-#define START_TURN 1.0     /* rad/s and m/s: a hand at the first frame */
+#define INTERVAL_TURN 1.0  /* rad: maximum; beyond it the integral of the rate differs from the rotation vector */
+#define GUESS_NS 300000000 /* maximum time that a hand's velocity predicts */
+#define START_TURN 1.0     /* rad/s and m/s: sigma of a hand's motion at the first frame */
 #define START_SPEED 0.5
-#define SMOOTH_SECONDS 0.01 /* of the rate at an interval's end: white noise in it counts less */
-#define SAME_RAD 0.003      /* seeds that agree to within these lead alignment to the same place */
+#define SMOOTH_SECONDS 0.01 /* smoothing of the rate at an interval's end, against white noise */
+#define SAME_RAD 0.003      /* seeds that agree within these lead alignment to the same pose */
 #define SAME_M 0.002
 
 void inertial_check_reset(inertial *n) {
@@ -29,7 +30,7 @@ static void turn_back(const double r[9], const double v[3], double out[3]) {
     for (int i = 0; i < 3; i++) out[i] = r[i] * v[0] + r[3 + i] * v[1] + r[6 + i] * v[2];
 }
 
-/* Goes on by dt at a rate, bias still in it: turned is the turn so far, by_bias what a bias does to it. */
+/* Integrates by dt at a rate, bias included: turned is the rotation so far, by_bias its Jacobian by the bias. */
 static void turn_on(const inertial *n, const double rate[3], double dt, bool first, rig_interval *w) {
     double v[3], step[9], smooth = exp(-dt / SMOOTH_SECONDS);
     for (int k = 0; k < 3; k++) {
@@ -44,8 +45,8 @@ static void turn_on(const inertial *n, const double rate[3], double dt, bool fir
     for (int k = 0; k < 3; k++) w->by_bias[4 * k] += dt;
 }
 
-/* Integrates samples over [e->from_ns, e->to_ns], the camera turning evenly by `turn` from r on. w: the gyroscope's turn
- * alone, by its own rate. False where samples are missing. */
+/* Integrates samples over [e->from_ns, e->to_ns], with the camera turning uniformly by `turn` from r on. w: the
+ * gyroscope's rotation alone. False where samples are missing. */
 static bool integrate(const inertial *n, const double r[9], const double turn[3], plausibility_interval *e,
                       rig_interval *w) {
     double rate[3] = {0, 0, 0}, force[3] = {0, 0, 0}, whole = (double)(e->to_ns - e->from_ns);
@@ -55,9 +56,11 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
     if (i == 0 || n->samples.count < 2) return false;
     e->has_force = true;
     for (int64_t t = e->from_ns; t < e->to_ns; i++) {
-        const inertial_sample *a = sample_at(&n->samples, i - 1), *b = i < n->samples.count ? sample_at(&n->samples, i) : NULL;
+        const inertial_sample *a = sample_at(&n->samples, i - 1),
+                              *b = i < n->samples.count ? sample_at(&n->samples, i) : NULL;
         int64_t next = b && b->timestamp_ns < e->to_ns ? b->timestamp_ns : e->to_ns;
-        if ((b ? b->timestamp_ns : next) - a->timestamp_ns > (b ? longest : 2 * n->samples.period_ns)) return false;
+        if ((b ? b->timestamp_ns : next) - a->timestamp_ns > (b ? longest : 2 * n->samples.period_ns))
+            return false;
         double dt = 1e-9 * (double)(next - t),
                middle = 0.5 * ((double)(t - e->from_ns) + (double)(next - e->from_ns));
         double f = b ? (middle - (double)(a->timestamp_ns - e->from_ns)) /
@@ -88,10 +91,12 @@ static bool integrate(const inertial *n, const double r[9], const double turn[3]
     return true;
 }
 
-/* What alignment, gyroscope and accelerometer say of the way from one frame to another. False where they can't be compared. */
+/* The motion from one frame to another by alignment, gyroscope and accelerometer. False where they can't be
+ * compared. */
 static bool compare(const inertial *n, const pose *base, const pose *aligned, plausibility_interval *e,
                     rig_interval *w) {
-    pose way = pose_between(base, aligned), from = inertial_imu_pose(n, base), to = inertial_imu_pose(n, aligned);
+    pose way = pose_between(base, aligned), from = inertial_imu_pose(n, base),
+         to = inertial_imu_pose(n, aligned);
     double turn[3], half[3], part[9];
     if (e->to_ns - e->from_ns >= INTERVAL_MOST_NS || pose_angle(&way) >= INTERVAL_TURN) return false;
     so3_log(way.r, turn);
@@ -122,7 +127,9 @@ static void add_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns)
 
 /* The awaited pose, once the samples reach it. */
 static void use_awaited(inertial *n) {
-    if (!n->awaiting || n->samples.count == 0 || sample_at(&n->samples, n->samples.count - 1)->timestamp_ns < n->awaited_ns) return;
+    if (!n->awaiting || n->samples.count == 0 ||
+        sample_at(&n->samples, n->samples.count - 1)->timestamp_ns < n->awaited_ns)
+        return;
     plausibility_interval e = {.from_ns = n->refined_at_ns, .to_ns = n->awaited_ns};
     rig_interval w = {.turned = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     bool good = e.from_ns != INT64_MIN && compare(n, &n->refined_at, &n->awaited, &e, &w);
@@ -130,7 +137,7 @@ static void use_awaited(inertial *n) {
     inertial_rig_add(n, good ? &w : NULL, &n->awaited, n->awaited_ns);
 }
 
-/* Samples may end before the frame does, all the more where the clock offset is wrong: its pose waits for them. */
+/* Samples may end before the frame's stamp, especially with a wrong clock offset: its pose waits for them. */
 static void add_rig_evidence(inertial *n, const pose *aligned, int64_t timestamp_ns) {
     use_awaited(n);
     if (n->awaiting && timestamp_ns - n->awaited_ns < INTERVAL_MOST_NS) return;
@@ -182,9 +189,11 @@ void inertial_check(inertial *n, const pose *aligned, bool accepted, int64_t tim
 bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, pose *guess,
                            double covariance[36]) {
     const fathom_config *c = n->config;
-    if (!c->imu_check || !n->usable || n->samples.count < 2 || n->accepted_ns == INT64_MIN || c->inertial_hook)
+    if (!c->imu_check || !n->usable || n->samples.count < 2 || n->accepted_ns == INT64_MIN ||
+        c->inertial_hook)
         return false;
-    if (!plausibility_doubtful(&n->check, n->force_usable && isfinite(sample_at(&n->samples, n->samples.count - 1)->accel[0])) ||
+    if (!plausibility_doubtful(
+            &n->check, n->force_usable && isfinite(sample_at(&n->samples, n->samples.count - 1)->accel[0])) ||
         timestamp_ns - n->accepted_ns > GUESS_NS)
         return false;
     double dt = 1e-9 * (double)(timestamp_ns - n->accepted_ns), twist[6] = {0};
@@ -194,7 +203,7 @@ bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, 
     for (int k = 0; n->moving && k < 3; k++) guess->t[k] += n->velocity[k] * dt;
     pose apart = pose_between(seed, guess);
     if (pose_angle(&apart) < SAME_RAD && pose_distance(&apart) < SAME_M) return false;
-    double turning = n->moving ? c->motion_sigma_rad_s2 * dt : START_TURN; /* what the rates may be off by */
+    double turning = n->moving ? c->motion_sigma_rad_s2 * dt : START_TURN; /* sigma of the rates */
     double speed = n->moving ? c->motion_sigma_m_s2 * dt : START_SPEED;
     memset(covariance, 0, 36 * sizeof *covariance);
     for (int k = 0; k < 6; k++)

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define FORCES_MOST 30                 /* intervals: by then a wrong accelerometer would have shown */
+#define FORCES_MOST 30                 /* intervals after which a wrong accelerometer would have been found */
 
 void plausibility_start(plausibility *p, const double mounting[9], double gravity) {
     memset(p, 0, sizeof *p);
@@ -31,7 +31,7 @@ void plausibility_add(plausibility *p, const plausibility_interval *e) {
     if (plausibility_bad(&p->accel)) return;
     bool sure = !p->suspect && (p->gyro.health == FATHOM_IMU_GOOD || p->gyro.health == FATHOM_IMU_SATURATED);
     for (int i = 3; i < 6; i++) sure = sure && p->axis[i].run < CONSTANT;
-    if (sure && judge_axes(p)) judge_sign(p); /* else all may be wrong, with the clock */
+    if (sure && judge_axes(p)) judge_sign(p); /* otherwise a wrong clock may have spoilt all sums */
 }
 
 bool plausibility_doubtful(const plausibility *p, bool translation) {

@@ -1,4 +1,4 @@
-/* The words of inertial/health/plausibility.c's findings. */
+/* The texts of inertial/health/plausibility.c's findings. */
 #include <math.h>
 #include <stdio.h>
 
@@ -13,7 +13,7 @@ static const char *axes_text(int axes) {
     return names[axes & 7];
 }
 
-/* What the axes read instead of themselves. */
+/* What each axis reads in place of its own value. */
 static void map_text(const double map[9], char *text, size_t size) {
     int mirrored = 0, moved = 0, from[3] = {0, 1, 2};
     for (int i = 0; i < 3; i++)

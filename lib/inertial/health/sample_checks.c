@@ -1,18 +1,18 @@
-/* What samples alone give away: stuck or saturated axes, the unit of specific force, the pace of the stamps. */
+/* Checks of the samples alone: stuck or saturated axes, the unit of specific force, the rate of the stamps. */
 #include "inertial/health/evidence.h"
 
 #include <math.h>
 #include <string.h>
 
-#define PACE_SECONDS 1.5    /* a stretch to compare the clocks' paces over */
+#define PACE_SECONDS 1.5    /* an interval for comparing the clocks' rates */
 #define PACES 3             /* so many odd ones in a row */
 #define STUCK_TURN (8 * DEGREE)        /* a constant gyroscope axis while the camera turns about it */
 #define STUCK_FORCE_TURN (30 * DEGREE) /* a constant accelerometer axis while the camera turns at all */
-#define STAY 4                         /* samples in a row at the largest value: a stay at the limit */
-#define STAYS 3                        /* so many stays make a limit */
-#define COARSE 0.01f     /* readings in steps of more of their maximum stay there of themselves */
+#define STAY 4                         /* consecutive samples at the largest value: a stay at the limit */
+#define STAYS 3                        /* number of stays that make a limit */
+#define COARSE 0.01f     /* readings with larger steps, relative to their maximum, stay there by chance */
 #define LIMIT_GYRO 0.3   /* rad/s, and */
-#define LIMIT_ACCEL 14.0 /* m/s^2: no sensor's range ends below */
+#define LIMIT_ACCEL 14.0 /* m/s^2: minimum range of sensors */
 
 void profile_add(plausibility_profile *q, int64_t timestamp_ns, double speed) {
     int64_t bin = timestamp_ns / BIN_NS;
@@ -95,11 +95,11 @@ void plausibility_sample(plausibility *p, int64_t timestamp_ns, const float gyro
     p->last_ns = timestamp_ns;
 }
 
-/* Both clocks go on at the same pace, however samples are delayed. One stretch that is odd is a jump, or a delivery in
- * bursts; several in a row are a pace. */
+/* Compares the rates of both clocks, which are the same whatever the samples' delay. One odd interval is a jump, or
+ * delivery in bursts; several consecutive ones are a wrong rate. */
 void plausibility_frame(plausibility *p, int64_t timestamp_ns) {
     if (p->samples == 0) return;
-    bool none = p->samples == p->samples_then; /* nothing has come: nothing to compare */
+    bool none = p->samples == p->samples_then; /* no samples: nothing to compare */
     double frames = 1e-9 * (double)(timestamp_ns - p->pace_frame_ns);
     double samples = 1e-9 * (double)(p->last_ns - p->pace_sample_ns);
     bool begun = p->samples_then > 0 && !none;
@@ -111,8 +111,8 @@ void plausibility_frame(plausibility *p, int64_t timestamp_ns) {
     p->pace_sample_ns = p->last_ns;
 }
 
-/* An axis that says the same all the time while the camera turns: stuck, or at its limit. A reading that is constant because
- * the turning is so isn't either. */
+/* Finds an axis that is constant while the camera turns: stuck, or at its limit; unless the rotation itself is
+ * constant. */
 void judge_constant(plausibility *p, const plausibility_interval *e) {
     double seconds = 1e-9 * (double)(e->to_ns - e->from_ns), f = 0;
     for (int i = 0; i < 3; i++) f += e->force[i] * e->force[i];
@@ -130,7 +130,7 @@ void judge_constant(plausibility *p, const plausibility_interval *e) {
             }
             a->turned += fmax(0, fabs(turn) - TURN_NOISE);
             if (a->turned > STUCK_TURN) found(&p->gyro, FATHOM_IMU_STUCK, a->value, 1 << i);
-        } else if (e->has_force && f > 0) { /* gravity goes by in the IMU's axes: -turn x force */
+        } else if (e->has_force && f > 0) { /* change of gravity in the IMU's axes: -turn x force */
             a->turned += fabs(e->turn[j] * e->force[k] - e->turn[k] * e->force[j]) / f;
             if (a->turned > STUCK_FORCE_TURN) found(&p->accel, FATHOM_IMU_STUCK, a->value, 1 << i % 3);
         }

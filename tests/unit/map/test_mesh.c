@@ -74,8 +74,8 @@ static int take(void *user, const fathom_vertex *vertices, size_t count) {
     return 0;
 }
 
-/* The triangles of what has been filled in. */
-static void extract(scene *s) {
+/* The triangles of what has been filled in, as far as it has the weight. */
+static void extract_from(scene *s, float min_weight) {
     s->v.pool.count = s->filled.count;
     s->v.surface = s->filled.surface;
     copy_in(s, &s->v.pool.keys, s->filled.blocks, (size_t)s->v.pool.count * sizeof(cl_int4));
@@ -84,11 +84,15 @@ static void extract(scene *s) {
     s->triangles = 0;
     mesh_walk walk;
     int count, all = 0;
-    mesh_walk_start(&walk, &s->v, 0, 0);
+    mesh_walk_start(&walk, &s->v, min_weight, 0);
     while ((count = mesh_walk_next(&walk, &s->m, &s->d, MESH_TRIANGLES, take, s)) > 0) all += count;
     assert_int_equal(count, 0);
     assert_int_equal(walk.next, s->v.pool.count);
     assert_int_equal(all, s->triangles);
+}
+
+static void extract(scene *s) {
+    extract_from(s, 0);
 }
 
 /* ---- its topology ------------------------------------------------------------------------------------------------- */
@@ -113,7 +117,30 @@ typedef struct {
     long corners, edges, triangles;
     long odd;      /* edges that aren't passed once each way */
     long unclosed; /* edges not passed as often one way as the other: a hole, or a triangle turned over */
+    long shrunk;     /* triangles of which two corners are one */
+    long coincident; /* triangles with the same three corners as another one */
 } topology;
+
+typedef struct {
+    uint32_t corner[3]; /* numbers, ascending */
+} face;
+
+static face face_of(const uint32_t corner[3]) {
+    face f = {{corner[0], corner[1], corner[2]}};
+    for (int i = 0; i < 3; i++) {
+        uint32_t *pair = &f.corner[i % 2], low = pair[0] < pair[1] ? pair[0] : pair[1];
+        pair[1] = pair[0] ^ pair[1] ^ low;
+        pair[0] = low;
+    }
+    return f;
+}
+
+static int by_face(const void *a, const void *b) {
+    const face *p = a, *q = b;
+    for (int i = 0; i < 3; i++)
+        if (p->corner[i] != q->corner[i]) return p->corner[i] < q->corner[i] ? -1 : 1;
+    return 0;
+}
 
 static topology topology_of(const scene *s) {
     size_t n = 3 * s->triangles;
@@ -139,6 +166,14 @@ static topology topology_of(const scene *s) {
         t.unclosed += sum != 0;
         t.odd += sum != 0 || end - i != 2;
     }
+    face *faces = bench_alloc(s->triangles * sizeof *faces);
+    for (size_t i = 0; i < s->triangles; i++) {
+        faces[i] = face_of(number + 3 * i);
+        t.shrunk += faces[i].corner[0] == faces[i].corner[1] || faces[i].corner[1] == faces[i].corner[2];
+    }
+    qsort(faces, s->triangles, sizeof *faces, by_face);
+    for (size_t i = 1; i < s->triangles; i++) t.coincident += by_face(&faces[i], &faces[i - 1]) == 0;
+    free(faces);
     free(sorted);
     free(number);
     free(edges);
@@ -183,6 +218,8 @@ static void check_shape(scene *s, bench_shape shape, long euler) {
     topology t = topology_of(s);
     assert_true(t.triangles > 5000); /* several batches of blocks */
     assert_int_equal(t.odd, 0);
+    assert_int_equal(t.shrunk, 0);
+    assert_int_equal(t.coincident, 0);
     assert_int_equal(t.corners - t.edges + t.triangles, euler);
     for (size_t i = 0; i < s->triangles; i++) {
         const fathom_vertex *v = &s->vertices[3 * i];
@@ -217,30 +254,90 @@ static void a_torus_is_closed(void **state) {
     check_shape(*state, torus, 0);
 }
 
-/* Anything inside, outside all around: every case of the table, and its neighbours, without a hole. */
-static void a_random_volume_has_no_holes(void **state) {
-    enum { SIDE = 6 };
+/* ---- the least weight ------------------------------------------------------------------------------------------------ */
+
+static void weigh(scene *s, int weight) {
+    for (int i = 0; i < s->filled.count * BLOCK_VOXELS; i++)
+        s->filled.voxels[i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + BLOCK_VOXELS + i % BLOCK_VOXELS] = (int16_t)weight;
+}
+
+/* Weights are stored in 64ths: a voxel counts from exactly min_weight on, and one 64th less is as never seen. */
+static void a_voxel_counts_from_the_least_weight_on(void **state) {
+    static const int stored[] = {1, 2, 3, 63, 64, 65, 6400, 65535};
+    const double low[3] = {-0.3, -0.3, -0.3}, high[3] = {0.3, 0.3, 0.3};
     scene *s = *state;
-    bench b = {.random = 7};
-    bool used[256] = {false};
-    uint8_t cases[256 * 16];
-    mesh_cases(cases);
+    bench_volume_fill(&s->filled, sphere, low, high);
+    extract(s);
+    const size_t all = s->triangles;
+    assert_true(all > 500);
+    for (int i = 0; i < 8; i++) {
+        weigh(s, stored[i]);
+        for (int asked = stored[i] - 1; asked <= stored[i] + 1; asked++) {
+            extract_from(s, (float)asked / WEIGHT_ONE);
+            assert_int_equal(s->triangles, asked > stored[i] ? 0 : all);
+        }
+        extract_from(s, 1e-6f); /* less than any that is stored */
+        assert_int_equal(s->triangles, all);
+    }
+}
+
+/* What has too little weight makes the same mesh as what was never seen, normals at its rim too. */
+static void too_light_is_as_never_seen(void **state) {
+    const double low[3] = {-0.6, -0.6, -0.6}, high[3] = {0.6, 0.6, 0.6};
+    scene *s = *state;
+    bench_volume_fill(&s->filled, sphere, low, high);
+    for (int i = 0; i < s->filled.count * BLOCK_VOXELS; i++) {
+        const cl_int4 *b = &s->filled.blocks[i / BLOCK_VOXELS];
+        const int x = b->x * BLOCK_EDGE + i % 8, y = b->y * BLOCK_EDGE + i / 8 % 8;
+        s->filled.voxels[i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + BLOCK_VOXELS + i % BLOCK_VOXELS] =
+            (int16_t)(x + 2 * y < 5 ? 128 : 127);
+    }
+    extract_from(s, 2);
+    const size_t light = s->triangles;
+    fathom_vertex *vertices = bench_alloc(3 * light * sizeof *vertices);
+    memcpy(vertices, s->vertices, 3 * light * sizeof *vertices);
+    for (int i = 0; i < s->filled.count * BLOCK_VOXELS; i++) {
+        int16_t *data = s->filled.voxels + i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + i % BLOCK_VOXELS;
+        if (data[BLOCK_VOXELS] == 127) *data = NEVER_SEEN;
+    }
+    extract(s);
+    assert_true(light > 1000);
+    assert_int_equal(s->triangles, light);
+    assert_memory_equal(s->vertices, vertices, 3 * light * sizeof *vertices);
+    free(vertices);
+}
+
+/* ---- random volumes -------------------------------------------------------------------------------------------------- */
+
+#define SIDE 6 /* blocks across a random volume */
+
+/* Any distances: d, -d or, if zeros, 0, with d from low to high, from voxel `first` on in each axis; outside all around. */
+static void fill_at_random(scene *s, bench *b, int first, int low, int high, bool zeros) {
     for (int i = 0; i < SIDE * SIDE * SIDE; i++) {
-        int block[3] = {i % SIDE - 3, i / SIDE % SIDE - 3, i / SIDE / SIDE - 3};
-        int16_t *data = s->filled.voxels +
-                        (size_t)bench_volume_add(&s->filled, block[0], block[1], block[2]) * 2 * BLOCK_VOXELS;
+        const int block[3] = {i % SIDE, i / SIDE % SIDE, i / SIDE / SIDE};
+        int16_t *data =
+            s->filled.voxels + (size_t)bench_volume_add(&s->filled, first / 8 + block[0], first / 8 + block[1],
+                                                        first / 8 + block[2]) * 2 * BLOCK_VOXELS;
         for (int k = 0; k < BLOCK_VOXELS; k++) {
-            int at[3] = {k % 8, k / 8 % 8, k / 64};
+            const int at[3] = {k % 8, k / 8 % 8, k / 64};
             bool rim = false;
             for (int a = 0; a < 3; a++) {
-                int whole = (block[a] + 3) * 8 + at[a];
+                const int whole = block[a] * 8 + at[a];
                 rim = rim || whole == 0 || whole == SIDE * 8 - 1;
             }
-            int d = bench_random_int(&b, 3000, 30000);
-            data[k] = (int16_t)(rim || bench_random_int(&b, 0, 1) ? d : -d);
+            const int d = bench_random_int(b, low, high), way = bench_random_int(b, zeros ? 0 : 1, 2);
+            data[k] = (int16_t)(rim || way == 1 ? d : way == 2 ? -d : 0);
             data[BLOCK_VOXELS + k] = 64;
         }
     }
+}
+
+/* Every case of the table, and its neighbours, without a hole. */
+static void a_random_volume_has_no_holes(void **state) {
+    scene *s = *state;
+    bench b = {.random = 7};
+    bool used[256] = {false};
+    fill_at_random(s, &b, -24, 3000, 30000, false);
     ref_volume reference;
     ref_volume_open(&reference, s->filled.blocks, s->filled.count, s->filled.voxels, &s->filled.surface);
     for (int z = -24; z < 23; z++)
@@ -258,6 +355,26 @@ static void a_random_volume_has_no_holes(void **state) {
     topology t = topology_of(s);
     assert_true(t.triangles > 100000);
     assert_int_equal(t.unclosed, 0);
+    assert_int_equal(t.shrunk, 0);
+    assert_int_equal(t.coincident, 0);
+}
+
+/* Distances of 0, and ones that are nothing beside their neighbours, near the world's origin and far from it. */
+static void corners_do_not_fall_together(void **state) {
+    scene *s = *state;
+    static const int first[] = {-24, 16000, -16000};
+    for (int i = 0; i < 3; i++) {
+        bench b = {.random = 11};
+        s->filled.count = 0;
+        memset(s->filled.table, 0xff, TABLE_BYTES(s->filled.entries));
+        fill_at_random(s, &b, first[i], 1, i == 0 ? 2 : 30000, true);
+        extract(s);
+        topology t = topology_of(s);
+        assert_true(t.triangles > 100000);
+        assert_int_equal(t.unclosed, 0);
+        assert_int_equal(t.shrunk, 0);
+        assert_int_equal(t.coincident, 0);
+    }
 }
 
 /* Each case by itself: triangles use only crossed edges, each crossed edge once or more, and at most five triangles. */
@@ -309,7 +426,10 @@ int main(void) {
         cmocka_unit_test(the_table_uses_the_crossed_edges),
         cmocka_unit_test_setup_teardown(a_sphere_is_closed, open_scene, close_scene),
         cmocka_unit_test_setup_teardown(a_torus_is_closed, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(a_voxel_counts_from_the_least_weight_on, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(too_light_is_as_never_seen, open_scene, close_scene),
         cmocka_unit_test_setup_teardown(a_random_volume_has_no_holes, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(corners_do_not_fall_together, open_scene, close_scene),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

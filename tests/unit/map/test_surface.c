@@ -150,6 +150,27 @@ static int discard(void **state) {
     return 0;
 }
 
+/* By position only. */
+static int by_position(const void *a, const void *b) {
+    const double *p = *(const double *const *)a, *q = *(const double *const *)b;
+    for (int k = 0; k < 3; k++)
+        if (p[k] != q[k]) return p[k] < q[k] ? -1 : 1;
+    return 0;
+}
+
+/* No vertex is there twice, no face names one twice. */
+static void vertices_are_shared(void **state) {
+    const surface_test *s = *state;
+    const double **sorted = malloc(s->vertex_count * sizeof *sorted);
+    assert_non_null(sorted);
+    for (size_t i = 0; i < s->vertex_count; i++) sorted[i] = s->vertices[i];
+    qsort(sorted, s->vertex_count, sizeof *sorted, by_position);
+    for (size_t i = 1; i < s->vertex_count; i++) assert_int_not_equal(by_position(&sorted[i - 1], &sorted[i]), 0);
+    free(sorted);
+    for (size_t i = 0; i < s->triangle_count; i++)
+        for (int k = 0; k < 3; k++) assert_int_not_equal(s->triangles[i][k], s->triangles[i][(k + 1) % 3]);
+}
+
 /* ---- is what's there true? ------------------------------------------------------------------------------------------- */
 
 static int by_size(const void *a, const void *b) {
@@ -389,6 +410,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_distance_to_a_triangle_is_right),
         cmocka_unit_test(all_frames_are_tracked),
+        cmocka_unit_test(vertices_are_shared),
         cmocka_unit_test(the_mesh_lies_on_the_surface),
         cmocka_unit_test(what_was_seen_twice_is_in_the_mesh),
     };
