@@ -100,6 +100,11 @@ typedef struct {
     const fathom_imu_sample *imu; /* by time, IMU clock, as fathom_push_imu takes them */
     int pose_count;
     const fathom_recording_pose *poses; /* by time */
+    const char *const *confidence; /* a file per frame, or NULL; NULL: there are none */
+    int32_t min_confidence;        /* below it a pixel doesn't count; 0: rig.txt doesn't say */
+    bool has_depth_noise;          /* rig.txt has it */
+    uint8_t unused_too[3];
+    double depth_noise[3];         /* sigma(z) = a + b z + c z^2, metres */
 } fathom_recording;
 
 /* Opens a folder: reads its text files, the size of its first depth frame and, where no depth scale is given, a few
@@ -127,6 +132,11 @@ FATHOM_API int fathom_rig_configure(const char *folder, fathom_config *config, f
  * file is missing, cut short or damaged; FATHOM_ERROR_SIZE when its size differs from the first frame's;
  * FATHOM_ERROR_ARGUMENT. After an error the pixels are undefined. */
 FATHOM_API int fathom_recording_read_depth(const fathom_recording *recording, int index, uint16_t *pixels);
+
+/* Reads the confidences of depth frame number index, width*height bytes, row by row; higher is surer. FATHOM_ERROR_NO_DATA when
+ * it has none, or the file is missing or damaged; FATHOM_ERROR_SIZE; FATHOM_ERROR_ARGUMENT. After an error the pixels are
+ * undefined. */
+FATHOM_API int fathom_recording_read_confidence(const fathom_recording *recording, int index, uint8_t *pixels);
 
 /* The reference pose at a stamp (depth clock): between two poses at most 40 ms apart it is interpolated
  * (position linearly, rotation on the sphere), else it is the nearest one within 20 ms. FATHOM_ERROR_NO_DATA

@@ -296,8 +296,7 @@ typedef struct {
 
     /* ---- depth camera ---- */
 
-    /* Minimum confidence of a valid pixel, in frames with a confidence plane. 0..255; default 0: any. Checked now;
-     * later versions use it. */
+    /* Minimum confidence of a valid pixel, in frames with a confidence plane. 0..255; default 0: any. */
     int32_t min_confidence;
     /* Of the depth frames; 16..4096 pixels each way, any lens. Default 640x480; 525, 525, 319.5, 239.5; no
      * distortion. */
@@ -590,7 +589,7 @@ typedef struct {
     const uint8_t *data;   /* the caller's, read during the call only */
 } fathom_image;
 
-/* A depth frame. Depth, its stride, size and stamp are used; exposure, row time, confidence and image are checked now
+/* A depth frame. Depth, its stride, size and stamp and confidence are used; exposure, row time and image are checked now
  * and used by later versions. */
 typedef struct {
     uint32_t struct_size;
@@ -601,7 +600,7 @@ typedef struct {
     int64_t row_time_ns;          /* from one row's exposure to the next one's (rolling shutter), negative from the
                                      bottom up; 0: unknown, or all at once; maximum 1 s for all rows */
     const uint16_t *depth;        /* height rows of width pixels, the caller's, read during the call only */
-    const uint8_t *confidence;    /* height rows of width values, 255: most certain; NULL: none */
+    const uint8_t *confidence;    /* height rows of width values, higher is surer; NULL: none */
     int64_t confidence_stride_bytes; /* from row to row, minimum width; 0: width */
     const fathom_image *image;    /* NULL: none */
 } fathom_depth_frame;

@@ -18,6 +18,7 @@ typedef struct {
     bool opened;   /* errors from now on concern a frame, not the source */
     unsigned kinds;
     int64_t zero_ns, start_ns; /* the recording's first event, of either kind, and when it was played */
+    uint8_t *confidence; /* of the frame being read; NULL: the recording has none */
 } folder_source;
 
 /* ---- the feeding thread ---- */
@@ -44,6 +45,14 @@ static bool feed_samples(folder_source *s, int *next, int64_t until_ns) {
     return true;
 }
 
+/* Pixels below the recording's least confidence become invalid. */
+static void blank_unsure(folder_source *s, int index, uint16_t *depth) {
+    const size_t count = (size_t)s->recording->camera.width * (size_t)s->recording->camera.height;
+    if (fathom_recording_read_confidence(s->recording, index, s->confidence) != FATHOM_OK) return;
+    for (size_t i = 0; i < count; i++)
+        if (s->confidence[i] < s->recording->min_confidence) depth[i] = 0;
+}
+
 /* When paced, the frame is decoded before it is due. */
 static bool feed_frame(folder_source *s, int index, int *next) {
     const fathom_recording *r = s->recording;
@@ -51,6 +60,7 @@ static bool feed_frame(folder_source *s, int index, int *next) {
     if (!(s->kinds & FATHOM_SOURCE_DEPTH)) return feed_samples(s, next, stamp_ns);
     source_slot *slot = source_queue_next_frame(&s->queue);
     const bool good = fathom_recording_read_depth(r, index, slot->depth) == FATHOM_OK;
+    if (good && r->confidence) blank_unsure(s, index, slot->depth);
     if (!good) source_queue_count_malformed(&s->queue, 1);
     if (!feed_samples(s, next, stamp_ns) || !wait_for(s, stamp_ns, true)) return false;
     if (!good) return true;
@@ -148,6 +158,7 @@ static void folder_close(fathom_source *source) {
     folder_source *s = (folder_source *)source;
     source_queue_free(&s->queue);
     fathom_recording_close(s->recording);
+    free(s->confidence);
     free(s);
 }
 
@@ -190,12 +201,17 @@ static int folder_open(fathom_source **source, const char *address, const fathom
     const fathom_recording_options how = {.struct_size = sizeof how, .log = relay, .log_user = s};
     int result = fathom_recording_open(&s->recording, address, &how);
     if (!result) result = find_kinds(s, address);
+    if (!result && s->recording->confidence) {
+        s->confidence = malloc((size_t)s->recording->camera.width * (size_t)s->recording->camera.height);
+        if (!s->confidence) result = FATHOM_ERROR_MEMORY;
+    }
     if (!result)
         result = source_queue_make(&s->queue, s->kinds & FATHOM_SOURCE_IMU ? options->imu_capacity : 0,
                                    s->kinds & FATHOM_SOURCE_DEPTH ? options->frame_capacity : 0,
                                    s->recording->camera.width, s->recording->camera.height, false);
     if (result) {
         fathom_recording_close(s->recording);
+        free(s->confidence);
         free(s);
         return result;
     }

@@ -24,6 +24,9 @@ struct record_faults {
     int unreadable, not_finite, out_of_order, first_line;
 };
 
+/* Counts one of them. */
+void record_fault(struct record_faults *faults, int *kind, int line);
+
 /* Reads a stamp and exactly 'count' finite numbers; false (and counted) for a line that is to be left out. */
 bool record_numbers(struct text_file *text, int64_t *stamp, double *values, int count, struct record_faults *faults);
 

@@ -2,6 +2,7 @@
 #include "caller_config.h"
 #include "recording/recording_internal.h"
 #include "recording/image_file.h"
+#include "recording/stray_scanner.h"
 
 #include <errno.h>
 #include <locale.h>
@@ -69,15 +70,19 @@ static int settle_depth_scale(struct recording *recording, const fathom_recordin
 
 static int read_all(struct recording *recording, const void *user) {
     const fathom_recording_options *options = user;
-    int result = recording_read_frames(recording);
+    const bool stray = stray_scanner_is(recording);
+    int result = stray ? stray_scanner_read_frames(recording) : recording_read_frames(recording);
     if (!result) result = find_size(recording);
-    if (!result) result = recording_read_calibration(recording);
+    if (!result) result = stray ? stray_scanner_read_camera(recording) : recording_read_calibration(recording);
     if (!result) result = recording_read_rig(recording);
+    if (!result)
+        result = stray ? recording_pair_confidence(recording, "confidence") : recording_read_confidence_list(recording);
     if (!result) result = settle_intrinsics(recording, options);
     if (!result) result = settle_depth_scale(recording, options);
-    if (!result) result = recording_read_poses(recording);
+    if (!result) result = stray ? stray_scanner_read_poses(recording) : recording_read_poses(recording);
     const bool no_imu = options->imu_file && !*options->imu_file;
-    if (!result && !no_imu) result = recording_read_imu(recording, options->imu_file);
+    if (!result && !no_imu)
+        result = stray && !options->imu_file ? stray_scanner_read_imu(recording) : recording_read_imu(recording, options->imu_file);
     return result;
 }
 
@@ -136,6 +141,13 @@ static void configure(const fathom_recording *recording, fathom_config *config) 
         config->imu_to_camera_translation[i] = (float)recording->imu_to_camera_translation[i];
     config->imu_clock_offset_ns = recording->imu_clock_offset_ns;
     if (recording->gravity > 0) config->gravity_m_s2 = (float)recording->gravity;
+    if (recording->min_confidence > 0) config->min_confidence = recording->min_confidence;
+    if (recording->has_depth_noise) {
+        config->depth_noise_base_m = (float)fmax(recording->depth_noise[0], 1e-6);
+        config->depth_noise_slope = (float)recording->depth_noise[1];
+        config->depth_noise_growth_per_m = (float)recording->depth_noise[2];
+        config->refine_depth_noise = false;
+    }
 }
 
 /* ---- a folder that only describes a rig ---- */
@@ -173,6 +185,8 @@ void fathom_recording_close(fathom_recording *shown) {
     struct recording *recording = (struct recording *)shown;
     if (!recording) return;
     for (int i = 0; i < shown->frame_count; i++) free((char *)recording->frames[i].file);
+    for (int i = 0; recording->confidence && i < shown->frame_count; i++) free(recording->confidence[i]);
+    free(recording->confidence);
     free(recording->frames);
     free(recording->imu);
     free(recording->poses);

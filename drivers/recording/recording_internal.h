@@ -10,6 +10,7 @@ struct recording {
     fathom_recording_frame *frames;
     fathom_imu_sample *imu;
     fathom_recording_pose *poses;
+    char **confidence;    /* a file per frame, or NULL; NULL: none */
     bool has_calibration; /* calibration.txt exists */
     bool has_depth_scale; /* rig.txt has depth_scale */
     fathom_log log;
@@ -33,6 +34,10 @@ int recording_read_calibration(struct recording *recording);
 int recording_read_rig(struct recording *recording);
 int recording_read_imu(struct recording *recording, const char *path); /* NULL: imu.txt, may be missing */
 int recording_read_poses(struct recording *recording);
+
+/* confidence.txt, where there is one; or the files of that folder with the frames' names, where there is one. */
+int recording_read_confidence_list(struct recording *recording);
+int recording_pair_confidence(struct recording *recording, const char *folder);
 
 /* NULL when fx fy cx cy are plausible for images of that size, else their fault. */
 const char *recording_intrinsics_fault(const fathom_pinhole *camera);

@@ -106,6 +106,8 @@ enum rig_key {
     RIG_COLOR_INTRINSICS,
     RIG_COLOR_ROTATION,
     RIG_COLOR_TRANSLATION,
+    RIG_DEPTH_NOISE,
+    RIG_MIN_CONFIDENCE,
     RIG_KEYS
 };
 
@@ -122,6 +124,8 @@ static const struct {
     [RIG_COLOR_INTRINSICS] = {"color_intrinsics", 4, 0, 1e5},
     [RIG_COLOR_ROTATION] = {"color_to_depth_rotation", 3, -360, 360},
     [RIG_COLOR_TRANSLATION] = {"color_to_depth_translation", 3, -10, 10},
+    [RIG_DEPTH_NOISE] = {"depth_noise", 3, 0, 1},
+    [RIG_MIN_CONFIDENCE] = {"confidence_min", 1, 0, 255},
 };
 
 static void set_rig(struct recording *recording, enum rig_key key, const double v[4]) {
@@ -141,6 +145,11 @@ static void set_rig(struct recording *recording, enum rig_key key, const double 
         break;
     case RIG_COLOR_ROTATION: orientation_from_degrees(v, shown->color_to_depth.orientation); break;
     case RIG_COLOR_TRANSLATION: memcpy(shown->color_to_depth.position, v, 3 * sizeof *v); break;
+    case RIG_DEPTH_NOISE:
+        memcpy(shown->depth_noise, v, 3 * sizeof *v);
+        shown->has_depth_noise = v[0] + v[1] + v[2] > 0;
+        break;
+    case RIG_MIN_CONFIDENCE: shown->min_confidence = (int32_t)v[0]; break;
     case RIG_KEYS: break;
     }
 }

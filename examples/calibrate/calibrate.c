@@ -74,6 +74,7 @@ static int take_frame(struct calibrate *c, struct playback *playback, const fath
     const fathom_depth_frame frame = {.struct_size = sizeof frame,
                                       .timestamp_ns = rig->frames[index].timestamp_ns,
                                       .depth = c->pixels,
+                                      .confidence = playback_confidence(playback, rig, index),
                                       .width = rig->camera.width,
                                       .height = rig->camera.height};
     fathom_result result = FATHOM_STRUCT(fathom_result);
@@ -95,7 +96,7 @@ static int track(struct calibrate *c, const fathom_recording *rig, const char *w
     config.imu = rig != NULL;
     config.imu_translation = false;
     if (!rig) rig = c->recording;
-    int status = playback_start(&playback, rig, 1, &c->settings, &config, &c->log);
+    int status = playback_start(&playback, rig, 0, 1, &c->settings, &config, &c->log);
     c->path.count = 0;
     cli_progress_start(what, rig->frame_count, c->progress);
     for (int i = 0; i < rig->frame_count && !status; i++)

@@ -28,7 +28,7 @@
 const setting_row settings_table[] = {
 #define GROUP "Depth camera"
     ROW(min_confidence, "", 0, 255, 0,
-        "Minimum confidence of a valid pixel, in frames with a confidence plane. Not used yet"),
+        "Minimum confidence of a valid pixel, in frames with a confidence plane"),
     ROW(depth_camera.width, "px", 16, 4096, 640, "Width of the depth frames"),
     ROW(depth_camera.height, "px", 16, 4096, 480, "Height of the depth frames"),
     ROW(depth_camera.fx, "px", 1, 1e5, 525, "Focal length along x"),

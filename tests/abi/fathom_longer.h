@@ -212,6 +212,9 @@ typedef struct {
     const char *cache_folder;
     fathom_log log;
     void *log_user;
+    float depth_noise_slope;
+    bool refine_depth_noise;
+    uint8_t unused[3];
     int64_t later[4];
 } fathom_config;
 #define fathom_config_init(config) fathom_config_init_sized((config), sizeof *(config))

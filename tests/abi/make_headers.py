@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Makes tests/abi/fathom_shorter.h and fathom_longer.h from lib/fathom.h: an older header, whose growing structs lack their
-last field (fathom_config its last two: the log), and a later one, whose structs have four numbers more. To be run by hand when
+last field (fathom_config all from the log on), and a later one, whose structs have four numbers more. To be run by hand when
 a field is added before 0.2 is tagged; afterwards the shorter one stays as it is."""
 import re
 import subprocess
@@ -22,7 +22,8 @@ def change(text, longer):
         if longer:
             return "typedef struct {" + body + EXTRA + "} " + name + ";"
         fields = body.rstrip().split(";")[:-1]
-        keep = fields[: -2 if name == "fathom_config" else -1]
+        cut = [i for i, field in enumerate(fields) if name == "fathom_config" and "fathom_log log" in field]
+        keep = fields[: cut[0] if cut else -1]
         return "typedef struct {" + ";".join(keep) + ";\n} " + name + ";"
 
     return re.sub(r"typedef struct \{([^{}]*)\} (\w+);", struct, text)

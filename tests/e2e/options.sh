@@ -12,7 +12,7 @@ settings="--depth-scale=1000 --intrinsics=500,500,300,200 --translation=off --re
 live="--depth=openni2: --imu=none --rig=r --depth-size=320x240 --rate=30 --speed=0 --duration=1 --frames=2 --reconnect=off
     --json --progress --verbose"
 cat >promised <<END
-replay FOLDER --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o --picture=p.png --imu=none --stride=2 --outage=1:2
+replay FOLDER --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o --picture=p.png --imu=none --stride=2 --first=1 --outage=1:2
     --wall=1:2,3:4 --card=1:2 --progress --verbose $settings
 scan - --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o $live $settings
 log FOLDER --force $live
@@ -74,7 +74,7 @@ wrong 'no command given'
 wrong 'give the shell' --completion fish
 # Each of these is a later version's, and says so.
 for option in --trajectory-final=f --trajectory-format=kitti --report=r.html --json --save-map=m --save-every=3 --resume=m --salvage \
-    --strict --flow=on --color=on --depth-topic=t --follow --first=3 --cache=c; do
+    --strict --flow=on --color=on --depth-topic=t --follow --cache=c; do
     wrong "${option%%=*}: not yet available" replay r $option
 done
 wrong 'not yet available' scan --serve

@@ -247,7 +247,7 @@ int main(int argc, char **argv) {
     run.name = slash ? slash + 1 : argv[1];
     settings_start(&settings);
     int failed = playback_open(&run.recording, argv[1], NULL, &settings, &log);
-    if (!failed) failed = playback_start(&run.playback, run.recording, run.stride, &settings, &settings.config, &log);
+    if (!failed) failed = playback_start(&run.playback, run.recording, 0, run.stride, &settings, &settings.config, &log);
     if (!failed) {
         uint16_t *depth =
             malloc((size_t)run.recording->camera.width * (size_t)run.recording->camera.height * sizeof *depth);

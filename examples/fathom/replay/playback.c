@@ -34,9 +34,9 @@ int playback_open(fathom_recording **out, const char *folder, const char *imu_fi
 /* Samples from before the first frame determine the bias and gravity; ten seconds of them are enough. */
 static const int64_t lead_in_ns = 10000000000;
 
-static int first_imu(const fathom_recording *recording) {
+static int first_imu(const fathom_recording *recording, int first_frame) {
     int first = 0;
-    const int64_t from = recording->frames[0].timestamp_ns - lead_in_ns;
+    const int64_t from = recording->frames[first_frame].timestamp_ns - lead_in_ns;
     while (first < recording->imu_count &&
            recording->imu[first].timestamp_ns + recording->imu_clock_offset_ns < from)
         first++;
@@ -54,9 +54,9 @@ static int imu_until(const fathom_recording *recording, int next, int index, int
 }
 
 /* A replay pushes everything between two frames at once; the ring must hold that, however long the gap. */
-static int imu_capacity(const fathom_recording *recording, int stride) {
-    int most = 0, next = first_imu(recording);
-    for (int i = 0; i < recording->frame_count; i += stride) {
+static int imu_capacity(const fathom_recording *recording, int first, int stride) {
+    int most = 0, next = first_imu(recording, first);
+    for (int i = first; i < recording->frame_count; i += stride) {
         const int until = imu_until(recording, next, i, 0);
         if (until - next > most) most = until - next;
         next = until;
@@ -84,15 +84,19 @@ void playback_choose_voxel(const fathom_recording *recording, struct settings *s
     cli_note("%s: a near scene: voxels of %g m; --voxel sets others", recording->folder, (double)NEAR_VOXEL);
 }
 
-int playback_start(struct playback *playback, const fathom_recording *recording, int stride,
+int playback_start(struct playback *playback, const fathom_recording *recording, int first, int stride,
                    const struct settings *settings, fathom_config *config, struct cli_log *log) {
     fathom_recording_configure(recording, config);
-    const int capacity = imu_capacity(recording, stride);
+    const int capacity = imu_capacity(recording, first, stride);
     if (capacity > 4096) config->max_imu_samples = capacity;
     settings_apply_set(settings, config);
+    if (recording->confidence) {
+        playback->confidence = malloc((size_t)recording->camera.width * (size_t)recording->camera.height);
+        if (!playback->confidence) return cli_error(CLI_FAILED, "out of memory");
+    }
     const int status = library_start(&playback->library, config, log);
     if (status) return status;
-    playback->next_imu = first_imu(recording);
+    playback->next_imu = first_imu(recording, first);
     playback->imu_clock_offset_ns = config->imu_clock_offset_ns;
     return CLI_DONE;
 }
@@ -106,7 +110,14 @@ void playback_push_imu(struct playback *playback, const fathom_recording *record
         fathom_push_imu(playback->library.scan, &recording->imu[playback->next_imu]);
 }
 
+const uint8_t *playback_confidence(struct playback *playback, const fathom_recording *recording, int index) {
+    const bool read =
+        playback->confidence && fathom_recording_read_confidence(recording, index, playback->confidence) == FATHOM_OK;
+    return read ? playback->confidence : NULL;
+}
+
 void playback_stop(struct playback *playback) {
+    free(playback->confidence);
     library_stop(&playback->library);
     *playback = (struct playback){0};
 }

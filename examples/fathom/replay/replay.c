@@ -33,6 +33,9 @@ static int open_recording(struct replay *replay) {
     replay->pixels =
         malloc((size_t)recording->camera.width * (size_t)recording->camera.height * sizeof *replay->pixels);
     if (!replay->pixels) return cli_error(CLI_FAILED, "out of memory");
+    if (options->first >= recording->frame_count)
+        return cli_error(CLI_USAGE, "--first: the recording has frames 0 to %d, no %d", recording->frame_count - 1,
+                         (int)options->first);
     log_clear(&replay->log);
     status = disturb_prepare(&replay->disturb, recording, &options->outages, &options->walls, &options->cards,
                              replay->pixels);
@@ -51,7 +54,8 @@ static int open_files(struct replay *replay) {
 
 static int start_library(struct replay *replay) {
     const fathom_memory_plan *plan = &replay->playback.library.plan;
-    const int status = playback_start(&replay->playback, replay->recording, (int)replay->options.stride,
+    const int status = playback_start(&replay->playback, replay->recording, (int)replay->options.first,
+                                      (int)replay->options.stride,
                                       &replay->options.settings,
                                       &replay->options.settings.config, &replay->log);
     if (!status && replay->options.verbose)
@@ -78,6 +82,9 @@ static int step(struct replay *replay, int index, fathom_result *result, bool *t
     const fathom_depth_frame frame = {.struct_size = sizeof frame,
                                       .timestamp_ns = recording->frames[index].timestamp_ns,
                                       .depth = replay->pixels,
+                                      .confidence = disturb_replaces(&replay->disturb, index)
+                                                        ? NULL
+                                                        : playback_confidence(&replay->playback, recording, index),
                                       .width = recording->camera.width,
                                       .height = recording->camera.height};
     const int stepped = fathom_step(replay->playback.library.scan, &frame, result);
@@ -98,10 +105,11 @@ static void keep(struct replay *replay, int index, const fathom_result *result) 
 }
 
 static int take_frames(struct replay *replay) {
-    const int stride = (int)replay->options.stride, frames = replay->recording->frame_count;
+    const int first = (int)replay->options.first, stride = (int)replay->options.stride;
+    const int frames = replay->recording->frame_count;
     int status = CLI_DONE;
-    cli_progress_start("frames", (frames + stride - 1) / stride, replay->options.progress);
-    for (int i = 0; i < frames && !status && !cli_interrupted(); i += stride) {
+    cli_progress_start("frames", (frames - first + stride - 1) / stride, replay->options.progress);
+    for (int i = first; i < frames && !status && !cli_interrupted(); i += stride) {
         fathom_result result = FATHOM_STRUCT(fathom_result);
         bool taken = false;
         log_clear(&replay->log);

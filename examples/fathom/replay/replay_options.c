@@ -19,6 +19,7 @@ static const struct option_row picture[] = {
 static const struct option_row input[] = {
     {"--imu", "FILE|none", OPTION_PARSED, .parse = set_imu, .help = "overrides imu.txt"},
     {"--stride", "N", OPTION_WHOLE, AT(stride), 1, 1e6, .help = "takes every Nth frame"},
+    {"--first", "N", OPTION_WHOLE, AT(first), 0, 1e9, .help = "starts at frame N (0: the first)"},
     {"--outage", "A:B[,A:B]", OPTION_RANGES, AT(outages),
      .help = "frames A..B-1 of the recording arrive blank"},
     {"--wall", "A:B[,A:B]", OPTION_RANGES, AT(walls),

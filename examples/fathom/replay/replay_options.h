@@ -11,7 +11,7 @@ struct replay_options {
     struct outputs outputs;
     const char *picture; /* a file to write, or NULL */
     const char *imu;                                 /* instead of imu.txt; "": none; NULL: imu.txt */
-    long stride;                                     /* 1: every frame */
+    long first, stride; /* frames: where to begin; 1: every one */
     struct frame_ranges outages, walls, cards;
     bool progress, verbose;
     struct settings settings;

@@ -422,7 +422,7 @@ static void growing_structs_end_without_padding(void **state) {
     (void)state;
 #define ENDS_WITH(type, field) assert_int_equal(offsetof(type, field) + sizeof((type *)0)->field, sizeof(type))
     ENDS_WITH(fathom_motion, covariance);
-    ENDS_WITH(fathom_config, log_user);
+    ENDS_WITH(fathom_config, unused);
     ENDS_WITH(fathom_memory_plan, device);
     ENDS_WITH(fathom_image, data);
     ENDS_WITH(fathom_depth_frame, image);

@@ -24,7 +24,7 @@ static fathom_config fresh(void) {
 
 /* What has no value that a text could give. */
 static const char *const without_row[] = {"struct_size", "block_store",
-                                          "inertial_hook", "inertial_user", "log",  "log_user"};
+                                          "inertial_hook", "inertial_user", "log", "log_user", "unused"};
 
 static bool has_row(const char *field) {
     const size_t length = strlen(field);
@@ -81,7 +81,7 @@ static void rows_cover_the_struct_once(void **state) {
     } others[] = {
 #define OTHER(field) {offsetof(fathom_config, field), sizeof ((fathom_config *)0)->field}
         OTHER(struct_size), OTHER(block_store), OTHER(inertial_hook),
-        OTHER(inertial_user), OTHER(log), OTHER(log_user), OTHER(depth_camera.unused)};
+        OTHER(inertial_user), OTHER(log), OTHER(log_user), OTHER(depth_camera.unused), OTHER(unused)};
     memset(owner, 0, sizeof owner);
     for (int i = 0; i < settings_count; i++)
         for (size_t k = 0; k < settings_table[i].size; k++) assert_int_equal(owner[settings_table[i].at + k]++, 0);

@@ -389,6 +389,165 @@ static void test_poses(void **state) {
     fathom_recording_close(r);
 }
 
+/* ---- confidences and noise ---- */
+
+static void confidences_belong_to_frames_by_stamp(void **state) {
+    (void)state;
+    char path[512];
+    uint8_t pixels[WIDTH * HEIGHT];
+    path_to("sure", path);
+    assert_int_equal(mkdir(path, 0700), 0);
+    write_depth("sure/a.png", WIDTH, HEIGHT, 3);
+    write_depth("sure/b.png", WIDTH, HEIGHT, 200);
+    write_depth("sure/small.png", WIDTH / 2, HEIGHT, 1);
+    write_text("confidence.txt", "10.2 sure/b.png\n10.0 sure/a.png\n10.05 sure/a.png\n");
+    write_text("rig.txt", "depth_scale 1000\nconfidence_min 7\ndepth_noise 0.001 0.002 0.003\n");
+    fathom_recording *r = open_good();
+    expect_one_warning("confidence.txt: 1 line without a depth frame of that stamp");
+    assert_int_equal(fathom_recording_read_confidence(r, 0, pixels), FATHOM_OK);
+    assert_true(pixels[0] == 3 && pixels[WIDTH * HEIGHT - 1] == 3);
+    assert_int_equal(fathom_recording_read_confidence(r, 1, pixels), FATHOM_ERROR_NO_DATA);
+    assert_int_equal(fathom_recording_read_confidence(r, 2, pixels), FATHOM_OK);
+    assert_int_equal(pixels[7], 200);
+    assert_int_equal(fathom_recording_read_confidence(r, 3, pixels), FATHOM_ERROR_ARGUMENT);
+    fathom_config config;
+    fathom_config_init(&config);
+    fathom_recording_configure(r, &config);
+    assert_true(config.min_confidence == 7 && !config.refine_depth_noise);
+    assert_true(config.depth_noise_base_m == 0.001f && config.depth_noise_slope == 0.002f &&
+                config.depth_noise_growth_per_m == 0.003f);
+    fathom_recording_close(r);
+
+    write_text("confidence.txt", "10.0 sure/small.png\n10.1 sure/missing.png\n");
+    write_text("rig.txt", "depth_scale 1000\n");
+    r = open_good();
+    assert_int_equal(fathom_recording_read_confidence(r, 0, pixels), FATHOM_ERROR_SIZE);
+    assert_int_equal(fathom_recording_read_confidence(r, 1, pixels), FATHOM_ERROR_NO_DATA);
+    fathom_config_init(&config);
+    fathom_recording_configure(r, &config);
+    assert_true(config.min_confidence == 0 && config.refine_depth_noise);
+    fathom_recording_close(r);
+
+    write_text("confidence.txt", "soon sure/a.png\n");
+    expect_failure(FATHOM_ERROR_CONFIG, "confidence.txt:1:");
+}
+
+/* The pixels below confidence_min are invalid in what the source hands on. */
+static void a_source_hands_on_sure_pixels_only(void **state) {
+    (void)state;
+    char path[512];
+    path_to("sure", path);
+    assert_int_equal(mkdir(path, 0700), 0);
+    write_depth("sure/a.png", WIDTH, HEIGHT, 1);
+    write_depth("sure/b.png", WIDTH, HEIGHT, 2);
+    write_text("confidence.txt", "10.0 sure/a.png\n10.1 sure/b.png\n");
+    write_text("rig.txt", "depth_scale 1000\nconfidence_min 2\n");
+    fathom_source *source;
+    fathom_source_frame frame = FATHOM_STRUCT(fathom_source_frame);
+    assert_int_equal(fathom_source_open(&source, folder, NULL), FATHOM_OK);
+    assert_int_equal(fathom_source_start(source), FATHOM_OK);
+    const int wanted[] = {0, 2000, 2000}; /* the last has no confidences */
+    for (int i = 0; i < 3; i++) {
+        while (fathom_source_read_depth(source, &frame) != FATHOM_OK)
+            assert_int_equal(fathom_source_wait(source, 5000), FATHOM_OK);
+        assert_int_equal(frame.depth->depth[5], wanted[i]);
+    }
+    fathom_source_close(source);
+}
+
+/* ---- Stray Scanner folders ---- */
+
+static void remove_file(const char *file) {
+    char path[512];
+    path_to(file, path);
+    assert_int_equal(remove(path), 0);
+}
+
+/* Three frames of a phone's LiDAR, with the app's own files in place of ours. */
+static void make_stray(void) {
+    char path[512];
+    remove_file("depth.txt");
+    remove_file("calibration.txt");
+    remove_file("rig.txt");
+    path_to("confidence", path);
+    assert_int_equal(mkdir(path, 0700), 0);
+    for (int i = 0; i < 3; i++) {
+        snprintf(path, sizeof path, "depth/%06d.png", 2 * i);
+        write_depth(path, WIDTH, HEIGHT, 2000);
+        snprintf(path, sizeof path, "confidence/%06d.png", 2 * i);
+        write_depth(path, WIDTH, HEIGHT, (uint16_t)i);
+    }
+    write_text("camera_matrix.csv", "1350.0, 0.0, 959.5\n0.0, 1353.0, 719.5\n0.0, 0.0, 1.0\n");
+    write_text("odometry.csv", "timestamp, frame, x, y, z, qx, qy, qz, qw\n"
+                               "100.5, 000000, 1, 2, 3, 0, 0, 0, 1\n"
+                               "100.6, 000002, 1.1, 2, 3, 0, 0, 0.7071, 0.7071\n"
+                               "100.7, 000004, 1.2, 2, 3, 0, 0, 1, 0\n");
+    write_text("imu.csv", "timestamp, a_x, a_y, a_z, alpha_x, alpha_y, alpha_z\n"
+                          "100.50, -9.6, 0.1, 0.5, 0.01, 0.02, 0.03\n"
+                          "100.51, -9.7, 0.2, 0.6, 0.04, 0.05, 0.06\n");
+}
+
+static void a_stray_scanner_folder_is_read_as_it_is(void **state) {
+    (void)state;
+    uint8_t pixels[WIDTH * HEIGHT];
+    uint16_t depth[WIDTH * HEIGHT];
+    make_stray();
+    fathom_recording *r = open_good();
+    assert_int_equal(warning_count, 0);
+    assert_true(r->frame_count == 3 && r->imu_count == 2 && r->pose_count == 3);
+    assert_true(r->frames[1].timestamp_ns == 100600000000 && strcmp(r->frames[1].file, "depth/000002.png") == 0);
+    /* 64 of the 1920 columns of the colour video; the middle stays the middle */
+    assert_float_equal(r->camera.fx, 1350 / 30.0, 1e-9);
+    assert_float_equal(r->camera.fy, 1353 / 30.0, 1e-9);
+    assert_float_equal(r->camera.cx, 31.5, 1e-9);
+    assert_float_equal(r->camera.cy, 23.5, 1e-9);
+    assert_float_equal(r->depth_units_per_metre, 1000, 0);
+    assert_true(!r->depth_units_assumed && !r->intrinsics_assumed);
+    /* specific force points up, against CoreMotion's raw samples */
+    assert_true(r->imu[1].accel[0] == 9.7f && r->imu[1].accel[1] == -0.2f && r->imu[1].gyro[2] == 0.06f);
+    const double mounting[9] = {0, -1, 0, -1, 0, 0, 0, 0, -1};
+    assert_memory_equal(r->imu_to_camera_rotation, mounting, sizeof mounting);
+    assert_true(r->poses[1].pose.position[0] == 1.1 && fabs(r->poses[1].pose.orientation[3] - sqrt(0.5)) < 1e-4);
+    assert_int_equal(fathom_recording_read_depth(r, 2, depth), FATHOM_OK);
+    assert_int_equal(depth[0], 2000);
+    assert_int_equal(fathom_recording_read_confidence(r, 2, pixels), FATHOM_OK);
+    assert_int_equal(pixels[3], 2);
+    assert_int_equal(r->min_confidence, 2);
+    fathom_recording_close(r);
+
+    write_text("rig.txt", "imu_clock_offset 0.01\nconfidence_min 1\n"); /* added by hand */
+    r = open_good();
+    assert_true(r->imu_clock_offset_ns == 10000000 && r->min_confidence == 1);
+    fathom_recording_close(r);
+}
+
+static void a_stray_scanner_folder_with_faults(void **state) {
+    (void)state;
+    make_stray();
+    /* columns that later versions append; a row that goes back, one that isn't a number, one that is cut */
+    write_text("odometry.csv", "timestamp, frame, x, y, z, qx, qy, qz, qw, fx, fy, cx, cy\n"
+                               "100.5, 000000, 1, 2, 3, 0, 0, 0, 1, 1350, 1350, 960, 720\n"
+                               "100.4, 000001, 1, 2, 3, 0, 0, 0, 1, 1350, 1350, 960, 720\n"
+                               "100.6, 000002, nan, 2, 3, 0, 0, 0, 1, 1350, 1350, 960, 720\n"
+                               "100.7, 000004, 1, 2, 3, 0, 0, 0, 1, 1350, 1350, 960, 720\n"
+                               "100.8, 000005, 1, 2");
+    fathom_recording *r = open_good();
+    assert_int_equal(r->frame_count, 2);
+    assert_int_equal(r->pose_count, 2);
+    assert_non_null(strstr(warnings, "odometry.csv:3: the first of 3 lines left out (2 unreadable, 0 not finite, 1 out of order)"));
+    fathom_recording_close(r);
+    remove_file("imu.csv");
+    r = open_good();
+    assert_int_equal(r->imu_count, 0);
+    fathom_recording_close(r);
+    write_text("camera_matrix.csv", "1350.0, 0.0\n");
+    expect_failure(FATHOM_ERROR_CONFIG, "camera_matrix.csv:1: expected three rows");
+    write_text("camera_matrix.csv", "13.0, 0.0, 959.5\n0.0, 13.0, 719.5\n0.0, 0.0, 1.0\n");
+    expect_failure(FATHOM_ERROR_CONFIG, "camera_matrix.csv");
+    write_text("odometry.csv", "timestamp, frame, x, y, z, qx, qy, qz, qw\n");
+    expect_failure(FATHOM_ERROR_CONFIG, "odometry.csv: no frames");
+}
+
 int main(void) {
 #define CASE(test) cmocka_unit_test_setup_teardown(test, make_folder, remove_folder)
     const struct CMUnitTest tests[] = {
@@ -403,6 +562,10 @@ int main(void) {
         CASE(test_rig),
         CASE(test_tum_defaults),
         CASE(test_poses),
+        CASE(confidences_belong_to_frames_by_stamp),
+        CASE(a_source_hands_on_sure_pixels_only),
+        CASE(a_stray_scanner_folder_is_read_as_it_is),
+        CASE(a_stray_scanner_folder_with_faults),
     };
     return cmocka_run_group_tests_name("recording", tests, NULL, NULL);
 }
