@@ -26,7 +26,7 @@ static void *list_more(struct list *list) {
     return (char *)list->items + (size_t)list->count++ * list->item_size;
 }
 
-/* What to do with a record whose stamp may not come after the one before it. */
+/* The treatment of a record whose stamp may not be later than its predecessor's. */
 enum order { ORDER_KEEP, ORDER_SKIP, ORDER_REPLACE };
 
 /* Normally the record that goes back is wrong. But when its predecessor had leapt ahead by more than a second and this

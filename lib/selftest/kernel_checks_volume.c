@@ -118,7 +118,7 @@ fathom_check check_request_blocks(device *d, bool small, char *why, size_t size)
         float block_m = i / count / IMAGE_KINDS ? 0.012f : 0.08f;
         bench_volume v;
         bench_volume_make(&v, 300, block_m / BLOCK_EDGE, 0.04f);
-        for (int k = 0; k < 300; k++) { /* some of what will be met, and some anywhere */
+        for (int k = 0; k < 300; k++) { /* some of the blocks to be met, and some others */
             int x = bench_random_int(&b, 0, c.width - 1), y = bench_random_int(&b, 0, c.height - 1);
             double z = depth[ref_at(&c, x, y)], world[3],
                    p[3] = {(x - c.cx) / c.fx * z, (y - c.cy) / c.fy * z, z};
@@ -240,7 +240,7 @@ fathom_check check_pack_planes(device *d, bool small, char *why, size_t size) {
 
 /* ---- fuse_blocks ------------------------------------------------------------------------------------------------- */
 
-/* Blocks that a frame said something about carry its number; those whose turn it wasn't don't. */
+/* Blocks in view carry the frame's number; those whose turn it wasn't don't. */
 static void compare_seen(bench *b, const int *seen, const uint8_t *outcomes, int block, int frame,
                          bool turn) {
     bool fused = false;
@@ -332,7 +332,7 @@ fathom_check check_fuse_blocks(device *d, bool small, char *why, size_t size) {
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS; i++) {
         /* The kernel leaves out blocks out of view by a sphere against the frustum, which is generous by a pixel or so:
-         * a picture of one pixel isn't what it's for (fathom_config takes 16 and more). */
+         * an image of one pixel isn't its purpose (fathom_config's minimum is 16). */
         if (sizes[i % count].width < 16) continue;
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
         float *depth = bench_depth(&b, &c, bench_noise, (image_kind)(i / count));

@@ -99,7 +99,7 @@ double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3])
 #define BLOCK_SLACK(v) (1e-4 + 4e-7 * fabs(v))
 #define STEP_SLACK 0.01 /* a band as long as a whole number of steps mustn't become one more by rounding */
 
-/* Adds what a coordinate triple may round to: each axis is one of low, high. */
+/* Adds the results of rounding a coordinate triple: each axis is one of low, high. */
 static int add_met(const int low[3], const int high[3], bool sure, cl_int4 *met, int count, int most) {
     for (int k = 0; k < 8 && count >= 0; k++) {
         cl_int4 b = {{0, 0, 0, 0}};
@@ -247,11 +247,12 @@ void ref_pack_planes(const float *depth, const float *normals, const kernel_came
 
 /* ---- fusion ------------------------------------------------------------------------------------------------------ */
 
-#define PLACE_SLACK 1e-6 /* a voxel's place in camera axes, metres; of that, what it makes in the picture */
+/* rounding of a voxel's position in camera axes, metres; and the error that it causes in the image */
+#define PLACE_SLACK 1e-6
 
-/* One voxel's running average (Curless and Levoy 1996, eq. 1 and 2) of its distance to the plane that its pixel stands
- * for, unless it lies a truncation or more behind that, straight or along its own ray. False where the frame says
- * nothing about the voxel. */
+/* One voxel's running average (Curless and Levoy 1996, eq. 1 and 2) of its distance to its pixel's plane, unless it
+ * lies a truncation or more behind that, straight or along its own ray. False where the frame says nothing about the
+ * voxel. */
 static bool fuse_voxel(const cl_uint2 *planes, const kernel_camera *c, const double p[3], double truncation,
                        double max_weight, int16_t *distance, uint16_t *weight, bool *doubt) {
     if (!ref_below(0.1, p[2], 1e-5, doubt)) return false;
