@@ -46,7 +46,12 @@ static uint64_t identity(device *d, const char *options) {
     return h;
 }
 
-/* The cache file for that; false: no cache, or none is possible. */
+static bool too_long(device *d, const char *path) {
+    log_write(d->config, FATHOM_LOG_WARNING, "kernels are built anew each time: the cache's path is too long: %s", path);
+    return false;
+}
+
+/* The cache file for that; false: no cache is wanted or can be had. */
 static bool cache_path(device *d, uint64_t built_for, char *path, size_t size) {
     const char *folder = d->config->cache_folder;
     char home[PATH_MAX];
@@ -60,13 +65,14 @@ static bool cache_path(device *d, uint64_t built_for, char *path, size_t size) {
             n = snprintf(home, sizeof home, "%s/.cache", user);
         else
             return false;
-        if (n + sizeof "/fathom" > sizeof home) return false;
+        if (n + sizeof "/fathom" > sizeof home) return too_long(d, home);
         mkdir(home, 0777);
         memcpy(home + n, "/fathom", sizeof "/fathom");
         folder = home;
     }
     mkdir(folder, 0777);
-    return snprintf(path, size, "%s/%016llx.bin", folder, (unsigned long long)built_for) < (int)size;
+    const int n = snprintf(path, size, "%s/%016llx.bin", folder, (unsigned long long)built_for);
+    return n < (int)size || too_long(d, folder);
 }
 
 static bool program_from_file(device *d, const char *path, uint64_t built_for, const char *options) {

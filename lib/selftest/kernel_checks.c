@@ -13,6 +13,7 @@ const kernel_check kernel_checks[] = {
     {"align_reduce, not finite", check_align_not_finite, true},
     {"request_blocks", check_request_blocks, true},
     {"clear_blocks", check_clear_blocks, false},
+    {"mark_seen", check_mark_seen, false},
     {"pack_planes", check_pack_planes, true},
     {"fuse_blocks", check_fuse_blocks, true},
     {"clear_ranges", check_clear_ranges, false},

@@ -122,7 +122,7 @@ double bench_ball_shifted(const double p[3]); /* the same, moved by BENCH_SHIFT 
 /* Adds the blocks within low..high (metres) that come within a truncation of the shape, all voxels seen. */
 void bench_volume_fill(bench_volume *v, bench_shape shape, const double low[3], const double high[3]);
 
-/* ---- each kernel against its reference (kernel_checks_maps.c, _align.c, _volume.c, _surface.c) ---- */
+/* ---- each kernel against its reference (kernel_checks_maps.c, _align.c, _volume.c, _seen.c, _surface.c) ---- */
 
 void compare_convert_depth(bench *b, const uint16_t *raw, const kernel_depth_source *s,
                            const kernel_camera *c, cl_float2 noise);
@@ -168,6 +168,7 @@ fathom_check check_align_reduce(device *d, bool small, char *why, size_t size);
 fathom_check check_align_not_finite(device *d, bool small, char *why, size_t size);
 fathom_check check_request_blocks(device *d, bool small, char *why, size_t size);
 fathom_check check_clear_blocks(device *d, bool small, char *why, size_t size);
+fathom_check check_mark_seen(device *d, bool small, char *why, size_t size);
 fathom_check check_pack_planes(device *d, bool small, char *why, size_t size);
 fathom_check check_fuse_blocks(device *d, bool small, char *why, size_t size);
 fathom_check check_clear_ranges(device *d, bool small, char *why, size_t size);

@@ -240,14 +240,13 @@ fathom_check check_pack_planes(device *d, bool small, char *why, size_t size) {
 
 /* ---- fuse_blocks ------------------------------------------------------------------------------------------------- */
 
-/* Blocks in view carry the frame's number; those whose turn it wasn't don't. */
-static void compare_seen(bench *b, const int *seen, const uint8_t *outcomes, int block, int frame,
-                         bool turn) {
-    bool fused = false;
-    for (int k = 0; k < BLOCK_VOXELS; k++) fused |= outcomes[block * BLOCK_VOXELS + k] == REF_FUSED;
-    b->compared++;
-    if ((seen[block] != 0 && seen[block] != frame) || (fused && !seen[block]) || (!turn && seen[block]))
-        bench_fail(b, "fuse_blocks: block %d was last seen in frame %d", block, seen[block]);
+/* Blocks in view carry the frame's number; those out of view and those whose turn it wasn't don't. */
+static void compare_seen(bench *b, const int *seen, int block, uint8_t in_view, int frame, bool turn) {
+    if (turn && in_view == REF_DOUBTFUL)
+        b->doubtful++;
+    else
+        bench_near(b, "fuse_blocks: the frame of block", block, 0, seen[block],
+                   turn && in_view == REF_IN_VIEW ? frame : 0, 0);
 }
 
 void compare_fuse_blocks(bench *b, const float *depth, const float *normals, const kernel_camera *c,
@@ -259,7 +258,7 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
     int tiles = ((c->width + TILE - 1) / TILE) * ((c->height + TILE - 1) / TILE);
     int16_t *got = bench_alloc(bytes);
     int *seen = bench_alloc(seen_bytes);
-    uint8_t *outcomes = bench_alloc((size_t)voxels);
+    uint8_t *outcomes = bench_alloc((size_t)voxels), *in_view = bench_alloc((size_t)v->count);
     cl_uint2 *planes = bench_alloc(plane_bytes);
     float *farthest = bench_alloc((size_t)tiles * 4);
     cl_float voxel = v->surface.voxel, truncation = v->surface.truncation, most = max_weight;
@@ -277,12 +276,13 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
     bench_read(b, seen_memory, seen, seen_bytes);
     ref_fuse_blocks(planes, c, world_to_camera, voxel, truncation, most, v->blocks, v->count, settled, turn,
                     v->voxels, outcomes);
+    ref_in_view(farthest, c, world_to_camera, &v->surface, v->blocks, v->count, in_view);
     /* A voxel's place in camera axes is known to 1e-6 m (some 5 m, a few roundings), and half a unit is rounded off. */
     double tolerance = 1.01 + 32767 * 2e-6 / truncation;
     for (int i = 0; i < voxels && !b->failed; i++) {
         int at = i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + i % BLOCK_VOXELS;
         if (i % BLOCK_VOXELS == 0)
-            compare_seen(b, seen, outcomes, i / BLOCK_VOXELS, frame,
+            compare_seen(b, seen, i / BLOCK_VOXELS, in_view[i / BLOCK_VOXELS], frame,
                          i / BLOCK_VOXELS >= settled || i / BLOCK_VOXELS % 2 == turn);
         if (outcomes[i] == REF_DOUBTFUL) {
             b->doubtful++;
@@ -297,6 +297,7 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
     free(got);
     free(seen);
     free(outcomes);
+    free(in_view);
     free(planes);
     free(farthest);
 }

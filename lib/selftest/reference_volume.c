@@ -245,6 +245,51 @@ void ref_pack_planes(const float *depth, const float *normals, const kernel_came
     }
 }
 
+/* ---- what is in view ---------------------------------------------------------------------------------------------- */
+
+/* `more` metres are added to the radius, `pixels` to the circle's rectangle. */
+static bool sphere_in_view(const float *farthest, const kernel_camera *c, const double m[3], double radius, double truncation,
+                           double more, double pixels) {
+    const double f[2] = {c->fx, c->fy}, middle[2] = {c->cx, c->cy};
+    const int size[2] = {c->width, c->height}, tiles_x = (c->width + TILE - 1) / TILE;
+    int low[2], high[2];
+    radius += more;
+    if (m[2] < -radius) return false;
+    for (int i = 0; i < 2; i++) /* outside the plane through the camera and the picture's side? In front of it only */
+        for (int side = -1; side <= 1; side += 2) {
+            double edge = side < 0 ? middle[i] + 0.5 : size[i] - 0.5 - middle[i];
+            double off = (side * m[i] * f[i] - edge * fmax(m[2], 0)) / sqrt(f[i] * f[i] + edge * edge);
+            if (off > radius) return false;
+        }
+    double nearest = m[2] - radius, far = 0;
+    if (nearest < 0.1) return true;
+    for (int i = 0; i < 2; i++) {
+        double slope = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / m[2], at = m[i] / m[2] * f[i] + middle[i] + 0.5;
+        double reach = f[i] * radius / nearest * slope + pixels * (1 + 0.01 * fabs(at));
+        low[i] = (int)fmax(floor((at - reach) / TILE), 0);
+        high[i] = (int)fmin(floor((at + reach) / TILE), (size[i] + TILE - 1) / TILE - 1);
+    }
+    for (int y = low[1]; y <= high[1]; y++)
+        for (int x = low[0]; x <= high[0]; x++) far = fmax(far, farthest[y * tiles_x + x]);
+    return nearest <= far + truncation;
+}
+
+void ref_in_view(const float *farthest, const kernel_camera *c, const kernel_rigid *world_to_camera,
+                 const kernel_surface *f, const cl_int4 *blocks, int count, uint8_t *outcomes) {
+    const double radius = 3.5 * sqrt(3) * f->voxel;
+    for (int i = 0; i < count; i++) {
+        double world[3], m[3];
+        for (int k = 0; k < 3; k++) world[k] = (blocks[i].s[k] * BLOCK_EDGE + 3.5) * f->voxel;
+        ref_transform(world_to_camera, world, m);
+        bool surely = sphere_in_view(farthest, c, m, radius, f->truncation, -1e-5, -1e-3);
+        bool perhaps = sphere_in_view(farthest, c, m, radius, f->truncation, 1e-5, 1e-3);
+        outcomes[i] = blocks[i].s[3] != f->submap ? REF_OUT
+                      : surely != perhaps         ? REF_DOUBTFUL
+                      : surely                    ? REF_IN_VIEW
+                                                  : REF_OUT;
+    }
+}
+
 /* ---- fusion ------------------------------------------------------------------------------------------------------ */
 
 /* rounding of a voxel's position in camera axes, metres; and the error that it causes in the image */

@@ -3,9 +3,10 @@
     python3 tests/mutants/mutants.py BUILD [--count N] [--seed N] [--jobs N] [--minutes N] [--only TEXT] [--list]
 
 Changes come from changes.txt (written by hand, all of them) and are drawn by a seed from the source lines of lib/, opencl/ and
-drivers/ until there are N in all. Each is made in a copy below BUILD/mutants, the unit tests that can see the file are built and
-run until one fails (or crashes, or hangs), and the line is put back. Results are kept in BUILD/mutants/results.jsonl as they come,
-keyed by the change itself, so that a run that was stopped goes on where it was; a file that changed since is tried again.
+drivers/ until there are N in all. Each is made in a copy below BUILD/mutants, the unit tests that enter the changed function (gcov
+says which those are) are built and run until one fails (or crashes, or hangs), and the line is put back. Results are kept in
+BUILD/mutants/results.jsonl as they come, keyed by the change itself, so that a run that was stopped goes on where it was; a file
+that changed since is tried again, a survivor by the tests that have changed since (by all of them with --only).
 The end prints the share that was caught, and the survivors; changes that are no fault (equivalent.txt) are counted apart.
 """
 import argparse
@@ -97,15 +98,43 @@ def drawn(count, seed):
     return sorted(changes, key=lambda change: rank(change.key))
 
 
-def tests_for(path, known):
-    """The unit tests that can see a file, the likeliest first: its own folder's, then the rest from the quickest on."""
-    seconds = lambda name: known[name][1]
-    if path.startswith("drivers/"):
-        return sorted((n for n in known if known[n][0] in ("drivers", "examples")), key=lambda n: (known[n][0] != "drivers", seconds(n)))
-    own = {"opencl": ("cl", "map", "align", "tracking")}.get(path.split("/")[0], (path.split("/")[1],))
-    if path.startswith("lib/frame/"):
-        own = ("cl", "tracking", "api")
-    return sorted((n for n in known if known[n][0] != "drivers"), key=lambda n: (known[n][0] not in own, seconds(n)))
+class Test:
+    """A unit test: its folder, its program's digest (of its source), seconds, and the functions that it enters."""
+
+    def __init__(self, folder, digest, seconds, enters):
+        self.folder, self.digest, self.seconds, self.enters = folder, digest, seconds, enters
+        self.passes = None  # on the tree as it is, until it was asked
+
+
+def lines_of(change):
+    """First and last line (from 1) of what a change takes away."""
+    if change.at is not None:
+        return change.at + 1, change.at + 1
+    text = read(os.path.join(ROOT, change.path))
+    first = text[:max(0, text.find(change.before))].count("\n") + 1
+    return first, first + change.before.count("\n")
+
+
+def can_see(change, test):
+    """Does a test run the changed lines' function? Of lines outside functions: any of the file. Kernels: whatever launches some.
+    A test that can't be built for coverage may see anything."""
+    if test.enters is None:
+        return True
+    if change.path.endswith(".cl"):
+        return bool(test.enters.get("lib/cl/launch.c"))
+    first, last = lines_of(change)
+    digest, functions = test.enters.get(change.path, ["", []])
+    within = [f for f in functions if f[0] <= last and first <= f[1]] if digest == digest_of(change.path) else []
+    return any(f[2] for f in (within or functions))
+
+
+def tests_for(change, known, caught):
+    """The unit tests that can see a change, the likeliest first: those that caught others in the same file, its own folder's,
+    then the rest from the quickest on."""
+    folder = change.path.split("/")[0 if not change.path.startswith("lib/") else 1]
+    own = {"opencl": ("cl",), "frame": ("cl", "frame"), "step.c": ("api", "tracking")}.get(folder, (folder,))
+    order = lambda n: ((change.path, n) not in caught, known[n].folder not in own, known[n].seconds)
+    return sorted((n for n in known if can_see(change, known[n])), key=order)
 
 
 class Copy:
@@ -127,24 +156,60 @@ class Copy:
             os.symlink(os.path.realpath(os.path.join(ROOT, "..", "shared")), shared)
         self.environment = dict(os.environ, XDG_CACHE_HOME=os.path.join(folder, "cache"), CMOCKA_MESSAGE_OUTPUT="TAP")
 
-    def make(self, *targets):
-        command = ["make", "-s", "BUILD=build", "OPTIMISE=-O1", *targets]
+    def make(self, *targets, build="build", flags=("OPTIMISE=-O1",)):
+        command = ["make", "-s", f"BUILD={build}", *flags, *targets]
         return subprocess.run(command, cwd=self.folder, capture_output=True, text=True, env=self.environment)
 
-    def passes(self, name, limit):
-        """Runs one unit test. False when it fails, crashes or takes longer than limit seconds."""
-        process = subprocess.Popen([os.path.join("build", "tests", name)], cwd=self.folder, env=self.environment,
-                                   stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                                   start_new_session=True)
+    def passes(self, name, limit, build="build", **environment):
+        """Runs one unit test. False when it fails, crashes, takes more than limit seconds of processor time, or hangs: a machine
+        that is busy with other things makes nothing fail."""
+        process = subprocess.Popen(["sh", "-c", f'ulimit -t {round(limit)}; exec "$0"', os.path.join(build, "tests", name)],
+                                   cwd=self.folder, env=dict(self.environment, **environment), stdin=subprocess.DEVNULL,
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
         try:
-            return process.wait(limit) == 0
+            return process.wait(6 * limit) == 0
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
             return False
 
-    def tries(self, change, known):
-        """What became of a change: ('caught', by), ('survived', ''), ('gone', why) or ('unbuilt', why)."""
+    def enters(self, name):
+        """Of each source file its digest and its functions: [first line, last line, whether the test runs it]. Only those that the test's
+        program ends with count: a process that is killed says nothing. None: it fails when it is built so (counting takes heap)."""
+        made = self.make(f"cover/tests/{name}", build="cover", flags=("OPTIMISE=-O1 --coverage", "LDFLAGS=--coverage"))
+        data = os.path.join(self.folder, "counts", name)
+        shutil.rmtree(data, ignore_errors=True)
+        os.makedirs(data)
+        if made.returncode != 0 or not self.passes(name, 1200, "cover", GCOV_PREFIX=data):
+            print(f"mutants: {name} fails when built for coverage", file=sys.stderr)
+            return None
+        counts = [os.path.join(at, f) for at, _, files in os.walk(data) for f in files if f.endswith(".gcda")]
+        for path in counts:
+            shutil.copy(path[len(data):-5] + ".gcno", path[:-5] + ".gcno")
+        said = subprocess.run(["gcov", "--json-format", "--stdout", *counts], cwd=self.folder, capture_output=True, text=True)
+        shutil.rmtree(data)
+        found = {}
+        for line in said.stdout.split("\n"):
+            for file in json.loads(line)["files"] if line.startswith("{") else []:
+                if file["file"].startswith(FOLDERS):
+                    functions = found.setdefault(file["file"], [digest_of(file["file"]), []])[1]
+                    functions.extend([f["start_line"], f["end_line"], f["execution_count"] > 0] for f in file["functions"])
+        return found
+
+    def sound(self, name, known, path, good, text):
+        """Whether a test that failed passes on the tree as it is; each is asked once."""
+        if known[name].passes is None:
+            write(path, good)
+            if self.make(f"build/tests/{name}").returncode != 0 or not self.passes(name, 2 * known[name].seconds + 10):
+                print(f"mutants: {name} fails on the tree as it is, so it can tell nothing; run it by hand", file=sys.stderr)
+                os._exit(1)
+            known[name].passes = True
+            write(path, text)
+        return True
+
+    def tries(self, change, known, caught, unchanged):
+        """What became of a change: ('caught', by), ('survived', ''), ('gone', why) or ('unbuilt', why). `unchanged`: the tests'
+        digests that it survived before."""
         path = os.path.join(self.folder, change.path)
         if not os.path.exists(path):
             return "gone", "no such file"
@@ -154,11 +219,13 @@ class Copy:
             return "gone", "the text that goes isn't there, or more than once"
         try:
             write(path, text)
-            for name in tests_for(change.path, known):
+            for name in tests_for(change, known, caught):
+                if unchanged.get(name) == known[name].digest:
+                    continue
                 made = self.make(f"build/tests/{name}")
                 if made.returncode != 0:
                     return "unbuilt", (made.stderr.strip().split("\n") or [""])[0]
-                if not self.passes(name, 3 * known[name][1] + 20):
+                if not self.passes(name, 2 * known[name].seconds + 10) and self.sound(name, known, path, good, text):
                     return "caught", name
             return "survived", ""
         finally:
@@ -170,27 +237,35 @@ def read_bytes(path):
         return f.read()
 
 
+def digest_of(path):
+    return hashlib.sha256(read_bytes(os.path.join(ROOT, path))).hexdigest()[:16]
+
+
 def write(path, text):
     with open(path, "w", encoding="utf-8") as f:
         f.write(text)
 
 
-def measure(copy):
-    """Each unit test's folder and seconds, on the tree as it is; all must pass."""
-    known = {}
+def measure(copy, kept):
+    """The unit tests; what is known of those whose source hasn't changed since is kept."""
+    known, before = {}, json.loads(read(kept)) if os.path.exists(kept) else {}
     for path in tracked():
         found = re.fullmatch(r"tests/unit/(\w+)/(test_\w+)\.c", path)
         if not found:
             continue
-        name, start = found.group(2), time.monotonic()
-        made = copy.make(f"build/tests/{name}")
-        if made.returncode != 0:
-            sys.exit(f"mutants: {name} doesn't build: {made.stderr[-800:]}")
-        start = time.monotonic()
-        if not copy.passes(name, 600):
-            sys.exit(f"mutants: {name} fails on the tree as it is, so it can tell nothing; run it by hand")
-        known[name] = (found.group(1), round(time.monotonic() - start, 1))
-        print(f"mutants: {name} passes, {known[name][1]} s", file=sys.stderr)
+        name, digest = found.group(2), digest_of(path)
+        if before.get(name, {}).get("digest") != digest:
+            made = copy.make(f"build/tests/{name}")
+            if made.returncode != 0:
+                sys.exit(f"mutants: {name} doesn't build: {made.stderr[-800:]}")
+            start = time.monotonic()
+            if not copy.passes(name, 600):
+                sys.exit(f"mutants: {name} fails on the tree as it is, so it can tell nothing; run it by hand")
+            seconds = round(time.monotonic() - start, 1)
+            before[name] = {"digest": digest, "seconds": seconds, "enters": copy.enters(name)}
+            write(kept, json.dumps(before))
+            print(f"mutants: {name} passes, {seconds} s", file=sys.stderr, flush=True)
+        known[name] = Test(found.group(1), digest, before[name]["seconds"], before[name]["enters"])
     return known
 
 
@@ -249,11 +324,16 @@ def main():
     # a survivor may be caught by a test that has come since; what was caught stays caught while its file is the same
     waiting = [c for c in changes if c.key not in results or results[c.key]["file"] != state.get(c.path) or
                results[c.key]["fate"] == "survived"]
+    waiting.sort(key=lambda c: c.hand)  # those written by hand have had tests written for them
     end = time.monotonic() + 60 * options.minutes
     if waiting:
         copies = [Copy(os.path.join(work, str(i), "tree")) for i in range(max(1, options.jobs))]
-        known = measure(copies[0])
+        known = measure(copies[0], os.path.join(work, "tests.json"))
         lock = threading.Lock()
+        caught = {}
+        for row in results.values():
+            if row["fate"] == "caught":
+                caught[row["path"], row["by"]] = True
 
         def work_off(copy):
             while time.monotonic() < end:
@@ -261,9 +341,16 @@ def main():
                     if not waiting:
                         return
                     change = waiting.pop(0)
-                fate, by = copy.tries(change, known)
-                row = {"key": change.key, "fate": fate, "by": by, "file": state.get(change.path), "change": change.show()}
+                old = results.get(change.key, {})
+                same = old.get("file") == state.get(change.path) and not options.only
+                fate, by = copy.tries(change, known, caught, old.get("survived", {}) if same else {})
+                row = {"key": change.key, "fate": fate, "by": by, "path": change.path, "file": state.get(change.path),
+                       "change": change.show()}
+                if fate == "survived":
+                    row["survived"] = {name: known[name].digest for name in known}
                 with lock:
+                    if fate == "caught":
+                        caught[change.path, by] = True
                     results[change.key] = row
                     with open(kept, "a", encoding="utf-8") as f:
                         f.write(json.dumps(row) + "\n")

@@ -203,6 +203,57 @@ static void a_cache_that_cannot_be_written_is_done_without(void **state) {
     run_with_cache(folder, &end);
 }
 
+/* Makes a folder of exactly `length` characters below another one; `path` has room for it. */
+static void long_folder(const char *name, size_t length, char *path) {
+    size_t n = (size_t)snprintf(path, length, "%s", synthetic_folder(name));
+    assert_true(n + 2 < length);
+    while (n < length) { /* no name is longer than 255, and none is empty */
+        size_t part = length - n - 1;
+        if (part > 200) part = part == 201 ? 150 : 200;
+        path[n] = '/';
+        memset(path + n + 1, 'f', part);
+        n += 1 + part;
+        path[n] = 0;
+        mkdir(path, 0777);
+    }
+}
+
+/* The file's name takes 21 characters more, its own until it is whole a point and a process's number, and a path has 4095. */
+static void a_cache_path_of_any_length_is_used_whole_or_refused_in_words(void **state) {
+    (void)state;
+    static char folder[6001], variable[6100], text[65536];
+    fathom_pose end;
+    static const size_t used[] = {400, 620, 1000, 2047, 4060}, refused[] = {4073, 4075, 4094, 4095, 4096, 6000};
+    for (int i = 0; i < 5; i++) {
+        long_folder("cache_long", used[i], folder);
+        each_file(folder, NULL, 0, -1);
+        run_with_cache(folder, &end);
+        assert_int_equal(kept.warnings, 0);
+        assert_int_equal(each_file(folder, NULL, 0, -1), 1);
+    }
+    for (int i = 0; i < 6; i++) {
+        long_folder("cache_long", refused[i], folder);
+        if (refused[i] < 4096) each_file(folder, NULL, 0, -1);
+        run_with_cache(folder, &end);
+        assert_int_equal(kept.warnings, 1);
+        assert_non_null(strstr(kept.text, "too long"));
+        assert_int_equal(files_in(folder), 0);
+    }
+    /* PoCL keeps its own cache in the same place, and ends the program where that is too long */
+    assert_int_equal(setenv("POCL_CACHE_DIR", synthetic_folder("cache_pocl"), 1), 0);
+    for (int i = 0; i < 3; i++) { /* the user's own: seven characters more */
+        const size_t lengths[] = {1000, 4080, 4095};
+        long_folder("cache_long_home", lengths[i], folder);
+        snprintf(variable, sizeof variable, "XDG_CACHE_HOME=%s", folder);
+        assert_int_equal(synthetic_child("default-cache", variable, text, sizeof text), 0);
+        assert_true((strstr(text, "too long") != NULL) == (i > 0));
+        if (i > 0) continue;
+        strcat(folder, "/fathom");
+        assert_int_equal(each_file(folder, NULL, 0, -1), 1);
+    }
+    unsetenv("POCL_CACHE_DIR");
+}
+
 /* ---- contexts ----------------------------------------------------------------------------------------------------- */
 
 static void contexts_side_by_side_are_as_one_after_another(void **state) {
@@ -300,6 +351,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(the_second_start_takes_its_kernels_from_the_cache),
         cmocka_unit_test(a_cache_that_is_broken_is_built_anew),
         cmocka_unit_test(a_cache_that_cannot_be_written_is_done_without),
+        cmocka_unit_test(a_cache_path_of_any_length_is_used_whole_or_refused_in_words),
         cmocka_unit_test(contexts_side_by_side_are_as_one_after_another),
         cmocka_unit_test(contexts_step_on_threads_of_their_own),
     };

@@ -120,6 +120,37 @@ static void memory_follows_the_settings(void **state) {
     assert_int_equal(kept.errors, 2);
 }
 
+/* Wherever the buffers lie, they count: the settings fit into just what the plan says and into no byte less, and what is
+ * left of a cap is filled with blocks. */
+static void the_cap_holds_what_the_device_holds_too(void **state) {
+    (void)state;
+    static const fathom_buffers buffers[] = {FATHOM_BUFFERS_HOST, FATHOM_BUFFERS_DEVICE};
+    fathom_memory_plan plans[2];
+    for (int i = 0; i < 2; i++) {
+        fathom_config c = logged();
+        fathom_memory_plan again = FATHOM_STRUCT(fathom_memory_plan), *plan = &plans[i];
+        *plan = again;
+        c.buffers = buffers[i];
+        c.max_blocks = 3000;
+        assert_int_equal(fathom_plan_memory(&c, plan, NULL, 0), FATHOM_OK);
+        assert_true(i == 0 ? plan->device_bytes == 0 : plan->device_bytes > 3000 * 2048);
+        c.max_memory_bytes = plan->host_bytes + plan->device_bytes;
+        assert_int_equal(fathom_plan_memory(&c, &again, NULL, 0), FATHOM_OK);
+        assert_memory_equal(&again, plan, sizeof again);
+        c.max_memory_bytes--;
+        assert_int_equal(fathom_plan_memory(&c, &again, NULL, 0), FATHOM_ERROR_MEMORY);
+        c.max_blocks = 0;
+        for (c.max_memory_bytes = 8 << 20; c.max_memory_bytes < 80 << 20; c.max_memory_bytes += 3333333) {
+            assert_int_equal(fathom_plan_memory(&c, &again, NULL, 0), FATHOM_OK);
+            const int64_t all = again.host_bytes + again.device_bytes;
+            assert_true(all <= c.max_memory_bytes && all > c.max_memory_bytes * 3 / 4);
+        }
+    }
+    /* the same buffers, in the block or beside it, but for what a block's end is rounded up by */
+    const int64_t apart = plans[1].host_bytes + plans[1].device_bytes - plans[0].host_bytes;
+    assert_true(apart <= 0 && apart > -4096);
+}
+
 static void a_block_one_byte_short_is_refused_untouched(void **state) {
     (void)state;
     fathom_config c = logged();
@@ -437,6 +468,7 @@ int main(void) {
         cmocka_unit_test(default_settings_need_at_most_128_mb),
         cmocka_unit_test(presets_keep_to_their_memory),
         cmocka_unit_test(memory_follows_the_settings),
+        cmocka_unit_test(the_cap_holds_what_the_device_holds_too),
         cmocka_unit_test(a_block_one_byte_short_is_refused_untouched),
         cmocka_unit_test(an_unaligned_block_will_do_and_its_neighbours_are_safe),
         cmocka_unit_test(null_arguments_are_refused),

@@ -428,7 +428,7 @@ static void growing_structs_end_without_padding(void **state) {
     ENDS_WITH(fathom_depth_frame, image);
     ENDS_WITH(fathom_result, ms_total);
     ENDS_WITH(fathom_rig, clock_sigma_ns);
-    ENDS_WITH(fathom_counters, blocks_refused);
+    ENDS_WITH(fathom_counters, blocks_lost);
     ENDS_WITH(fathom_view, far_m);
     ENDS_WITH(fathom_setting, unused);
 }

@@ -74,8 +74,8 @@ static int take(void *user, const fathom_vertex *vertices, size_t count) {
     return 0;
 }
 
-/* The triangles of what has been filled in. */
-static void extract(scene *s) {
+/* The triangles of what has been filled in, as far as it has the weight. */
+static void extract_from(scene *s, float min_weight) {
     s->v.pool.count = s->filled.count;
     s->v.surface = s->filled.surface;
     copy_in(s, &s->v.pool.keys, s->filled.blocks, (size_t)s->v.pool.count * sizeof(cl_int4));
@@ -84,11 +84,15 @@ static void extract(scene *s) {
     s->triangles = 0;
     mesh_walk walk;
     int count, all = 0;
-    mesh_walk_start(&walk, &s->v, 0, 0);
+    mesh_walk_start(&walk, &s->v, min_weight, 0);
     while ((count = mesh_walk_next(&walk, &s->m, &s->d, MESH_TRIANGLES, take, s)) > 0) all += count;
     assert_int_equal(count, 0);
     assert_int_equal(walk.next, s->v.pool.count);
     assert_int_equal(all, s->triangles);
+}
+
+static void extract(scene *s) {
+    extract_from(s, 0);
 }
 
 /* ---- its topology ------------------------------------------------------------------------------------------------- */
@@ -250,6 +254,61 @@ static void a_torus_is_closed(void **state) {
     check_shape(*state, torus, 0);
 }
 
+/* ---- the least weight ------------------------------------------------------------------------------------------------ */
+
+static void weigh(scene *s, int weight) {
+    for (int i = 0; i < s->filled.count * BLOCK_VOXELS; i++)
+        s->filled.voxels[i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + BLOCK_VOXELS + i % BLOCK_VOXELS] = (int16_t)weight;
+}
+
+/* Weights are stored in 64ths: a voxel counts from exactly min_weight on, and one 64th less is as never seen. */
+static void a_voxel_counts_from_the_least_weight_on(void **state) {
+    static const int stored[] = {1, 2, 3, 63, 64, 65, 6400, 65535};
+    const double low[3] = {-0.3, -0.3, -0.3}, high[3] = {0.3, 0.3, 0.3};
+    scene *s = *state;
+    bench_volume_fill(&s->filled, sphere, low, high);
+    extract(s);
+    const size_t all = s->triangles;
+    assert_true(all > 500);
+    for (int i = 0; i < 8; i++) {
+        weigh(s, stored[i]);
+        for (int asked = stored[i] - 1; asked <= stored[i] + 1; asked++) {
+            extract_from(s, (float)asked / WEIGHT_ONE);
+            assert_int_equal(s->triangles, asked > stored[i] ? 0 : all);
+        }
+        extract_from(s, 1e-6f); /* less than any that is stored */
+        assert_int_equal(s->triangles, all);
+    }
+}
+
+/* What has too little weight makes the same mesh as what was never seen, normals at its rim too. */
+static void too_light_is_as_never_seen(void **state) {
+    const double low[3] = {-0.6, -0.6, -0.6}, high[3] = {0.6, 0.6, 0.6};
+    scene *s = *state;
+    bench_volume_fill(&s->filled, sphere, low, high);
+    for (int i = 0; i < s->filled.count * BLOCK_VOXELS; i++) {
+        const cl_int4 *b = &s->filled.blocks[i / BLOCK_VOXELS];
+        const int x = b->x * BLOCK_EDGE + i % 8, y = b->y * BLOCK_EDGE + i / 8 % 8;
+        s->filled.voxels[i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + BLOCK_VOXELS + i % BLOCK_VOXELS] =
+            (int16_t)(x + 2 * y < 5 ? 128 : 127);
+    }
+    extract_from(s, 2);
+    const size_t light = s->triangles;
+    fathom_vertex *vertices = bench_alloc(3 * light * sizeof *vertices);
+    memcpy(vertices, s->vertices, 3 * light * sizeof *vertices);
+    for (int i = 0; i < s->filled.count * BLOCK_VOXELS; i++) {
+        int16_t *data = s->filled.voxels + i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + i % BLOCK_VOXELS;
+        if (data[BLOCK_VOXELS] == 127) *data = NEVER_SEEN;
+    }
+    extract(s);
+    assert_true(light > 1000);
+    assert_int_equal(s->triangles, light);
+    assert_memory_equal(s->vertices, vertices, 3 * light * sizeof *vertices);
+    free(vertices);
+}
+
+/* ---- random volumes -------------------------------------------------------------------------------------------------- */
+
 #define SIDE 6 /* blocks across a random volume */
 
 /* Any distances: d, -d or, if zeros, 0, with d from low to high, from voxel `first` on in each axis; outside all around. */
@@ -367,6 +426,8 @@ int main(void) {
         cmocka_unit_test(the_table_uses_the_crossed_edges),
         cmocka_unit_test_setup_teardown(a_sphere_is_closed, open_scene, close_scene),
         cmocka_unit_test_setup_teardown(a_torus_is_closed, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(a_voxel_counts_from_the_least_weight_on, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(too_light_is_as_never_seen, open_scene, close_scene),
         cmocka_unit_test_setup_teardown(a_random_volume_has_no_holes, open_scene, close_scene),
         cmocka_unit_test_setup_teardown(corners_do_not_fall_together, open_scene, close_scene),
     };

@@ -440,7 +440,7 @@ static void what_a_store_loses_is_counted(void **state) {
     struct block_store inner;
     odd_store o;
     fathom_counters counters = FATHOM_STRUCT(fathom_counters);
-    synthetic_context s = start_odd(&o, &inner, 3000);
+    synthetic_context s = start_odd(&o, &inner, 900); /* a sixteenth of which goes at a time */
     walk(s.scan, 60);
     s.scan->integrator.frames += 100;
     o.puts_fail = 1;
@@ -454,12 +454,64 @@ static void what_a_store_loses_is_counted(void **state) {
     synthetic_mesh pool = pull_mesh(s.scan, FATHOM_MESH_POOL, 0, 100000, &pieces);
     o.gets_fail = 1;
     synthetic_mesh whole = mesh_of(s.scan, 0);
+    assert_true(pool.count > 1000);
     assert_same_triangles(&pool, &whole); /* a half-filled block would add some */
     assert_int_equal(fathom_get_counters(s.scan, &counters), FATHOM_OK);
     assert_true(counters.blocks_lost > first);
     free(pool.vertices);
     free(whole.vertices);
     stop(&s, &inner);
+}
+
+/* ---- the patch --------------------------------------------------------------------------------------------- */
+
+#define APART 40 /* blocks between one that is alone and the next */
+
+/* A store of blocks that are alone, and then of one whose neighbours are all there. */
+typedef struct {
+    const volume *patch;
+    int alone;          /* of them */
+    int most, together; /* places of the patch that were written to; blocks that came about the last one */
+} made_store;
+
+static int made_get(void *user, const fathom_block *block) {
+    made_store *m = user;
+    const fathom_block_key *k = &block->key;
+    const ptrdiff_t place = (block->distances - (int16_t *)m->patch->pool.voxels.host) / BLOCK_SHORTS;
+    assert_true(place >= 0 && place < m->patch->pool.capacity); /* or it lies in the next buffer */
+    if (k->x >= 0 ? k->x % APART != 0 || k->y != 0 || k->z != 0 : k->x > -100) return 0;
+    memset(block->distances, 1, FATHOM_BLOCK_VOXELS * sizeof *block->distances);
+    memset(block->weights, 1, FATHOM_BLOCK_VOXELS * sizeof *block->weights);
+    m->together += k->x < -100;
+    if (place + 1 > m->most) m->most = (int)place + 1;
+    return 1;
+}
+
+static int made_list(void *user, int64_t position, fathom_block_key *key) {
+    const made_store *m = user;
+    *key = (fathom_block_key){.x = position < m->alone ? APART * (int)position : -200};
+    return position <= m->alone;
+}
+
+/* A block comes with up to nineteen others. However many places are taken before it, none is written beyond the last. */
+static void the_patch_keeps_to_its_places(void **state) {
+    (void)state;
+    made_store m = {0};
+    fathom_config c = settings(3000);
+    synthetic_mesh mesh = {0};
+    const fathom_block_store calls = {.struct_size = sizeof calls, .user = &m, .get = made_get, .enumerate = made_list};
+    c.buffers = FATHOM_BUFFERS_HOST;
+    c.block_store = &calls;
+    synthetic_context s = synthetic_start(&c);
+    m.patch = &s.scan->patch;
+    const int places = m.patch->pool.capacity;
+    for (m.alone = places - 32; m.alone <= places + 2; m.alone++) {
+        m.together = 0;
+        assert_int_equal(fathom_extract_mesh(s.scan, 0, synthetic_triangles, &mesh), 0);
+        assert_int_equal(m.together, 20);
+    }
+    assert_int_equal(m.most, places); /* they are all used */
+    synthetic_stop(&s);
 }
 
 static void stopping_leaves_nothing_behind(void **state) {
@@ -620,6 +672,7 @@ int main(void) {
         cmocka_unit_test(a_list_may_name_too_much),
         cmocka_unit_test(a_list_that_names_what_cant_be_is_refused),
         cmocka_unit_test(what_a_store_loses_is_counted),
+        cmocka_unit_test(the_patch_keeps_to_its_places),
         cmocka_unit_test(stopping_leaves_nothing_behind),
         cmocka_unit_test(a_store_may_do_without_any_of_its_calls),
         cmocka_unit_test(nonsense_is_refused),
