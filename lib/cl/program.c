@@ -47,7 +47,8 @@ static uint64_t identity(device *d, const char *options) {
 }
 
 static bool too_long(device *d, const char *path) {
-    log_write(d->config, FATHOM_LOG_WARNING, "kernels are built anew each time: the cache's path is too long: %s", path);
+    log_write(d->config, FATHOM_LOG_WARNING,
+              "kernels are built anew each time: the cache's path is too long: %s", path);
     return false;
 }
 

@@ -245,11 +245,11 @@ void ref_pack_planes(const float *depth, const float *normals, const kernel_came
     }
 }
 
-/* ---- what is in view ---------------------------------------------------------------------------------------------- */
+/* ---- what is in view --------------------------------------------------------------------------------------------- */
 
 /* `more` metres are added to the radius, `pixels` to the circle's rectangle. */
-static bool sphere_in_view(const float *farthest, const kernel_camera *c, const double m[3], double radius, double truncation,
-                           double more, double pixels) {
+static bool sphere_in_view(const float *farthest, const kernel_camera *c, const double m[3], double radius,
+                           double truncation, double more, double pixels) {
     const double f[2] = {c->fx, c->fy}, middle[2] = {c->cx, c->cy};
     const int size[2] = {c->width, c->height}, tiles_x = (c->width + TILE - 1) / TILE;
     int low[2], high[2];
@@ -264,7 +264,8 @@ static bool sphere_in_view(const float *farthest, const kernel_camera *c, const 
     double nearest = m[2] - radius, far = 0;
     if (nearest < 0.1) return true;
     for (int i = 0; i < 2; i++) {
-        double slope = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / m[2], at = m[i] / m[2] * f[i] + middle[i] + 0.5;
+        double slope = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / m[2],
+               at = m[i] / m[2] * f[i] + middle[i] + 0.5;
         double reach = f[i] * radius / nearest * slope + pixels * (1 + 0.01 * fabs(at));
         low[i] = (int)fmax(floor((at - reach) / TILE), 0);
         high[i] = (int)fmin(floor((at + reach) / TILE), (size[i] + TILE - 1) / TILE - 1);
