@@ -66,6 +66,9 @@ typedef struct {
     int *order; /* of blocks, sorted by coordinates */
     int last;   /* the place found last, or -1 */
     int last_block[3];
+    bool has_cube; /* the cube of the last ref_volume_distance: its lowest voxel and its corners' distances */
+    int cube[3];
+    double corner[8]; /* the first is NAN when any was never seen */
 } ref_volume;
 
 void ref_volume_open(ref_volume *v, const cl_int4 *blocks, int count, const int16_t *voxels,

@@ -68,6 +68,20 @@ double ref_volume_voxel(ref_volume *v, int x, int y, int z) {
     return seen ? block[at] / 32767.0 : NAN;
 }
 
+/* Neighbouring samples of a ray mostly lie in the same cube. */
+static void look_up_cube(ref_volume *v, const int low[3]) {
+    if (v->has_cube && memcmp(low, v->cube, sizeof v->cube) == 0) return;
+    memcpy(v->cube, low, sizeof v->cube);
+    v->has_cube = true;
+    for (int k = 0; k < 8; k++) {
+        v->corner[k] = ref_volume_voxel(v, low[0] + (k & 1), low[1] + (k >> 1 & 1), low[2] + (k >> 2));
+        if (isnan(v->corner[k])) {
+            v->corner[0] = NAN;
+            return;
+        }
+    }
+}
+
 double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3]) {
     int low[3];
     double t[3], sum = 0, g[3] = {0, 0, 0};
@@ -75,16 +89,18 @@ double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3])
         low[i] = (int)floor(p[i]);
         t[i] = p[i] - low[i];
     }
+    look_up_cube(v, low);
+    if (isnan(v->corner[0])) return NAN;
     for (int k = 0; k < 8; k++) {
         int in[3] = {k & 1, k >> 1 & 1, k >> 2};
-        double d = ref_volume_voxel(v, low[0] + in[0], low[1] + in[1], low[2] + in[2]);
-        if (isnan(d)) return NAN;
+        double d = v->corner[k];
         double share[3], slope[3];
         for (int i = 0; i < 3; i++) {
             share[i] = in[i] ? t[i] : 1 - t[i];
             slope[i] = in[i] ? 1 : -1;
         }
         sum += share[0] * share[1] * share[2] * d;
+        if (!gradient) continue;
         g[0] += slope[0] * share[1] * share[2] * d;
         g[1] += share[0] * slope[1] * share[2] * d;
         g[2] += share[0] * share[1] * slope[2] * d;
