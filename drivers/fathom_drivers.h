@@ -214,7 +214,7 @@ typedef struct {
     int32_t imu_capacity;        /* samples kept between reads; 0: 2048. When full, the oldest is dropped and counted */
     /* depth frames kept between reads; 0: 3. When full, the oldest is dropped and counted */
     int32_t frame_capacity;
-    fathom_log log;              /* NULL: silent. Called from the source's own threads too. Must outlive the source */
+    fathom_log log; /* NULL: silent. Called from the source's own threads too. Must outlive the source */
     void *log_user;
 } fathom_source_options;
 

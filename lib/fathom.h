@@ -261,7 +261,7 @@ typedef struct {
     fathom_block_key key;
     /* FATHOM_BLOCK_VOXELS signed distances, positive in front of the surface; -32768: never seen */
     int16_t *distances;
-    uint16_t *weights;    /* FATHOM_BLOCK_VOXELS; 64 for one observation at 1 m; 0 where never seen */
+    uint16_t *weights; /* FATHOM_BLOCK_VOXELS; 64 for one observation at 1 m; 0 where never seen */
 } fathom_block;
 
 /* Storage for blocks outside of the pool: FATHOM_FULL_DROP puts dropped blocks there, and gets them when the camera
@@ -414,7 +414,7 @@ typedef struct {
     float motion_sigma_rad_s2; /* of its angular acceleration, without a gyroscope. 0..1000 rad/s^2; default 3 */
     /* maximum position sigma of dead reckoning; beyond it the state is lost. 0.001..1000 m; default 0.5 */
     float max_reckoned_sigma_m;
-    int32_t max_imu_samples;    /* samples kept. 0..16777216; default 0: 4096 */
+    int32_t max_imu_samples; /* samples kept. 0..16777216; default 0: 4096 */
     /* replaces the library's InertialEstimate. Default NULL. Must outlive the context */
     fathom_inertial_hook inertial_hook;
     void *inertial_user;
@@ -803,7 +803,7 @@ FATHOM_API int64_t fathom_pull_mesh(fathom *context, fathom_mesh_pull *pull);
  * it while it grows. Zeroed fields begin a pull. */
 typedef struct {
     uint32_t struct_size;
-    int32_t capacity;       /* blocks that the arrays have room for; at least 1 */
+    int32_t capacity; /* blocks that the arrays have room for; at least 1 */
     /* only blocks that may have changed after this generation of the surface; 0: all. At the end it becomes the
      * generation in which the pull began: the next pull returns the changes since */
     int64_t since;
