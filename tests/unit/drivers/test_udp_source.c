@@ -13,6 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <stdatomic.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -497,6 +498,20 @@ static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
     close(calling);
 }
 
+/* A queue needs a descriptor to wait on. */
+static void a_source_without_a_descriptor_left_is_refused(void **state) {
+    (void)state;
+    struct rlimit usual;
+    fathom_source *source = (fathom_source *)&usual;
+    assert_int_equal(getrlimit(RLIMIT_NOFILE, &usual), 0);
+    const struct rlimit none = {0, usual.rlim_max};
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &none), 0);
+    const int e = fathom_source_open(&source, "udp:0", NULL);
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &usual), 0);
+    assert_int_equal(e, FATHOM_ERROR_MEMORY);
+    assert_null(source);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(comma_separated_lines),
@@ -513,6 +528,7 @@ int main(void) {
         cmocka_unit_test(waiting_can_be_cancelled_and_begun_again),
         cmocka_unit_test(uris_that_are_wrong),
         cmocka_unit_test(a_second_start_is_refused_and_the_source_goes_on),
+        cmocka_unit_test(a_source_without_a_descriptor_left_is_refused),
         cmocka_unit_test(enumerating_names_this_machines_addresses),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
