@@ -498,6 +498,21 @@ static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
     close(calling);
 }
 
+/* Who was listened to before the stop has no claim to the next start. */
+static void after_a_stop_any_phone_may_begin(void **state) {
+    (void)state;
+    fathom_source *source = listen_with("");
+    for (int i = 0; i < 2; i++) {
+        const int s = phone();
+        say(s, "1.0, 3, 0.1, 0.2, 9.8, 4, 0.5, 0, 0");
+        assert_int_equal(settle(source, i + 1, 0).samples, i + 1);
+        close(s);
+        assert_int_equal(fathom_source_stop(source), FATHOM_OK);
+        assert_int_equal(fathom_source_start(source), FATHOM_OK);
+    }
+    fathom_source_close(source);
+}
+
 /* A queue needs a descriptor to wait on. */
 static void a_source_without_a_descriptor_left_is_refused(void **state) {
     (void)state;
@@ -528,6 +543,7 @@ int main(void) {
         cmocka_unit_test(waiting_can_be_cancelled_and_begun_again),
         cmocka_unit_test(uris_that_are_wrong),
         cmocka_unit_test(a_second_start_is_refused_and_the_source_goes_on),
+        cmocka_unit_test(after_a_stop_any_phone_may_begin),
         cmocka_unit_test(a_source_without_a_descriptor_left_is_refused),
         cmocka_unit_test(enumerating_names_this_machines_addresses),
     };
