@@ -95,7 +95,7 @@ static bool learn(clock_map *map, double at, double arrival) {
     const double offset = arrival - at, expected = map->offset + map->slope * (at - map->at);
     const double delay = offset - expected;
     if (at < map->at - BACK_LEAP_S || delay < -EARLY_LEAP_S) return false;
-    if (at <= map->at) return true; /* tells nothing new */
+    if (at <= map->at) return true; /* no new information */
     if (at >= map->window_end && next_window(map, at, offset)) return false;
     if (delay < map->least_delay) {
         const int newest = window_at(map, map->count - 1);

@@ -197,11 +197,11 @@ typedef struct {
     uint32_t struct_size; /* the library's: the callback may read that much */
     uint32_t kinds;     /* FATHOM_SOURCE_DEPTH, ...; 0: no device but a problem of the driver */
     const char *driver; /* "folder", "openni2", "hid", "usb", "iio", "udp" */
-    char uri[256];      /* what fathom_source_open takes */
+    char uri[256];      /* the uri for fathom_source_open */
     char name[96];      /* maker and model */
     char serial[64];    /* "" where there is none */
     int32_t error;      /* FATHOM_OK: it can be opened; else the reason why not */
-    char problem[256];  /* in words, with the fix ("" when FATHOM_OK) */
+    char problem[256];  /* a description, with the fix ("" when FATHOM_OK) */
 } fathom_source_info;
 
 /* Receives one device; valid during the call. Returns 0 to go on. */
@@ -224,7 +224,7 @@ typedef struct {
     int32_t imu_capacity;        /* samples kept between reads; 0: 2048. When full, the oldest is dropped and counted */
     /* depth frames kept between reads; 0: 3. When full, the oldest is dropped and counted */
     int32_t frame_capacity;
-    fathom_log log;              /* NULL: silent. Called from the source's own threads too. Must outlive the source */
+    fathom_log log; /* NULL: silent. Called from the source's own threads too. Must outlive the source */
     void *log_user;
 } fathom_source_options;
 
@@ -279,7 +279,7 @@ typedef struct {
     int32_t state;                /* fathom_source_state */
     uint32_t kinds;               /* FATHOM_SOURCE_DEPTH, ... */
     char name[96], serial[64];
-    /* of the depth; from the field of view where the device doesn't know it. 0 x 0: no depth */
+    /* of the depth; computed from the field of view where the device has no intrinsics. 0 x 0: no depth */
     fathom_pinhole camera;
     double depth_units_per_metre;
     double rate_hz;               /* measured over about the last second; 0: not yet */
@@ -386,7 +386,7 @@ FATHOM_API int fathom_sink_get_status(fathom_sink *sink, fathom_sink_status *sta
 /* The first error's text, "" without one; lives as long as the sink. */
 FATHOM_API const char *fathom_sink_last_error(fathom_sink *sink);
 
-/* Writes what waits and closes. NULL is allowed. FATHOM_OK, or the first error that any call on the sink returned. */
+/* Writes waiting data and closes. NULL is allowed. FATHOM_OK, or the first error that any call on the sink returned. */
 FATHOM_API int fathom_sink_close(fathom_sink *sink);
 
 #ifdef __cplusplus

@@ -106,7 +106,7 @@ typedef enum {
     FATHOM_ERROR_SIZE = -7,        /* a depth frame's size differs from the settings; the frame was ignored */
     FATHOM_ERROR_STOPPED = -8,     /* the caller's callback stopped the call */
     FATHOM_ERROR_NO_DATA = -9,     /* no IMU samples in the range, no frame, no file */
-    FATHOM_ERROR_FULL = -10,       /* a ring is full; what was pushed is dropped and counted */
+    FATHOM_ERROR_FULL = -10,       /* a ring is full; the pushed sample is dropped and counted */
     FATHOM_ERROR_NAME = -11,       /* no setting has that name */
     FATHOM_ERROR_VALUE = -12,      /* the text is not a value of the setting's type */
     FATHOM_ERROR_WRITE = -13,      /* a file or folder can't be written (disk full, no permission); the text has the
@@ -126,8 +126,8 @@ typedef enum {
 /* A short name, such as "FATHOM_ERROR_MEMORY", for any value. Never NULL; static storage. Any thread. */
 FATHOM_API const char *fathom_error_name(int32_t error);
 
-/* Why the latest call on the context failed, in words: one line of at most 255 bytes, "" when none has failed yet. The
- * text stays until the next failure. fathom_push_imu leaves none. NULL gives "". Stepping thread. */
+/* Why the latest call on the context failed, in words: one line of a maximum of 255 bytes, "" when none has failed yet.
+ * The text stays until the next failure. fathom_push_imu leaves none. NULL gives "". Stepping thread. */
 FATHOM_API const char *fathom_last_error(const fathom *context);
 
 typedef enum { FATHOM_LOG_ERROR = 0, FATHOM_LOG_WARNING = 1, FATHOM_LOG_INFO = 2 } fathom_log_level;
@@ -261,7 +261,7 @@ typedef struct {
     fathom_block_key key;
     /* FATHOM_BLOCK_VOXELS signed distances, positive in front of the surface; -32768: never seen */
     int16_t *distances;
-    uint16_t *weights;    /* FATHOM_BLOCK_VOXELS; 64 for one observation at 1 m; 0 where never seen */
+    uint16_t *weights; /* FATHOM_BLOCK_VOXELS; 64 for one observation at 1 m; 0 where never seen */
 } fathom_block;
 
 /* Storage for blocks outside of the pool: FATHOM_FULL_DROP puts dropped blocks there, and gets them when the camera
@@ -366,21 +366,22 @@ typedef struct {
 
     float voxel_m;      /* edge of a voxel. 0.001..1 m; default 0.01 */
     float truncation_m; /* the signed distance is kept within this. 0..10 m; default 0: four voxels */
-    int32_t max_blocks; /* blocks of 8x8x8 voxels, 2 KB each. 64..16777216; default 0: what max_memory_bytes leaves */
-    int32_t when_full;  /* fathom_full: what happens when no block is left. Default FATHOM_FULL_STOP */
+    int32_t max_blocks; /* blocks of 8x8x8 voxels, 2 KB each. 64..16777216; default 0: as many as max_memory_bytes
+                           allows */
+    int32_t when_full;  /* fathom_full: behaviour when no block is left. Default FATHOM_FULL_STOP */
     const fathom_block_store *block_store; /* with FATHOM_FULL_DROP. NULL: dropped blocks are gone. fathom_init copies
                                               the struct; the data behind its user pointer must outlive the context */
     float max_weight; /* observations, at 1 m, that a voxel averages; older ones fade. 1..1000; default 100 */
-    /* fathom_step returns as soon as the pose is known, and the frame goes into the surface while the next one is on
-     * its way: the same poses, sooner. Calls that read the surface wait. A device that fails meanwhile is reported
-     * by the next call. Default false. */
+    /* fathom_step returns as soon as the pose is known, and the frame is fused while the next one is on its way: the
+     * same poses, sooner. Calls that read the surface wait. A device that fails meanwhile is reported by the next call.
+     * Default false. */
     bool fuse_behind;
     int64_t max_memory_bytes; /* host and device together. 1048576..1e15; default 128 MB (128 << 20) */
 
     /* ---- inertial sensor (Section 3) ---- */
 
     bool imu;             /* use inertial samples. Default true; without samples it does no harm */
-    bool imu_translation; /* use the accelerometer; else translation goes on at constant velocity. Default true */
+    bool imu_translation; /* use the accelerometer; else constant velocity is assumed. Default true */
     /* Compare the IMU with the depth frames' motion and stop using it when it is wrong (fathom_imu_health). While it is
      * unchecked, alignment is also tried from the last velocity. Default true. */
     bool imu_check;
@@ -412,7 +413,7 @@ typedef struct {
     float motion_sigma_rad_s2; /* of its angular acceleration, without a gyroscope. 0..1000 rad/s^2; default 3 */
     /* maximum position sigma of dead reckoning; beyond it the state is lost. 0.001..1000 m; default 0.5 */
     float max_reckoned_sigma_m;
-    int32_t max_imu_samples;    /* samples kept. 0..16777216; default 0: 4096 */
+    int32_t max_imu_samples; /* samples kept. 0..16777216; default 0: 4096 */
     /* replaces the library's InertialEstimate. Default NULL. Must outlive the context */
     fathom_inertial_hook inertial_hook;
     void *inertial_user;
@@ -810,7 +811,7 @@ FATHOM_API int64_t fathom_pull_mesh(fathom *context, fathom_mesh_pull *pull);
  * it while it grows. Zeroed fields begin a pull. */
 typedef struct {
     uint32_t struct_size;
-    int32_t capacity;       /* blocks that the arrays have room for; at least 1 */
+    int32_t capacity; /* blocks that the arrays have room for; at least 1 */
     /* only blocks that may have changed after this generation of the surface; 0: all. At the end it becomes the
      * generation in which the pull began: the next pull returns the changes since */
     int64_t since;

@@ -21,7 +21,7 @@
 
 #define SENSOR_HUB "/sys/bus/hid/drivers/hid-sensor-hub"
 #define USUAL_INTERVAL_S 0.005 /* requested from HID sensors when options have no rate */
-#define QUEUED_NS 200000       /* a read that comes back sooner may have found a report that had waited */
+#define QUEUED_NS 200000       /* a read that returns sooner may have found a waiting report */
 
 /* hidapi's first use, opening and closing aren't safe on two threads. */
 static pthread_mutex_t hidapi_lock = PTHREAD_MUTEX_INITIALIZER;

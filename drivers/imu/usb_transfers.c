@@ -4,7 +4,7 @@
 #include "monotonic.h"
 #include "source_log.h"
 
-#define WARN_SILENT 200 /* messages without samples after which the log is told */
+#define WARN_SILENT 200 /* messages without samples before a log message */
 
 int usb_submit(usb_slot *slot) {
     slot->submitted_ns = monotonic_now_ns();

@@ -301,7 +301,7 @@ static int flush(fathom_sink *sink) {
 }
 
 static void close_file(folder_sink *s, struct line_file *file, const char *name) {
-    const int before = file->error; /* that was told */
+    const int before = file->error; /* already reported */
     if (!line_file_close(file) && !before) fail_file(s, name, file->error);
 }
 

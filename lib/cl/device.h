@@ -38,8 +38,8 @@ int device_open(device *d);
 void device_close(device *d);
 
 /* Notes that an OpenCL call failed; the first failure is logged. The device is dead from then on: nothing is launched,
- * mapped, cleared or waited for any more, so that what came before the failure isn't mixed with what comes after it.
- * Callers check d->error before they use results of the device. */
+ * mapped, cleared or waited for any more, so that results from before and after the failure aren't mixed. Callers check
+ * d->error before they use results of the device. */
 void device_failed(device *d, const char *what, cl_int code);
 
 #endif

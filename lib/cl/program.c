@@ -28,7 +28,7 @@ static uint64_t fnv(uint64_t h, const char *text) {
  * device. */
 typedef struct {
     uint64_t built_for;  /* identity */
-    uint64_t size, hash; /* of what follows */
+    uint64_t size, hash; /* of the program after the header */
 } cache_header;
 
 /* Hash of everything that a built program depends on: sources, options, device and driver. */
@@ -47,7 +47,8 @@ static uint64_t identity(device *d, const char *options) {
 }
 
 static bool too_long(device *d, const char *path) {
-    log_write(d->config, FATHOM_LOG_WARNING, "kernels are built anew each time: the cache's path is too long: %s", path);
+    log_write(d->config, FATHOM_LOG_WARNING,
+              "kernels are built anew each time: the cache's path is too long: %s", path);
     return false;
 }
 

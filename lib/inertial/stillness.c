@@ -60,7 +60,7 @@ void stillness_add(stillness *w, const double gyro[3], const double accel[3], do
     double seconds = period * w->samples;
     if (seconds < STILL_SECONDS) return;
     double sigma = gyro_noise / sqrt(seconds) + 1e-4;
-    if (sigma > w->gyro_bias_sigma) return; /* what is known is better */
+    if (sigma > w->gyro_bias_sigma) return; /* the known bias is better */
     for (int i = 0; i < 3; i++) w->gyro_bias[i] = w->gyro[i] / w->samples;
     w->gyro_bias_sigma = sigma;
 }

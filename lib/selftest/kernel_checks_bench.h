@@ -8,7 +8,7 @@
 
 #define BENCH_BUFFERS 16
 
-/* One check's run. Failures stick: the first one is told. */
+/* One check's run. Failures stick; the first one is reported. */
 typedef struct {
     device *d;
     char *why;
@@ -27,7 +27,7 @@ typedef struct {
 } bench;
 
 void bench_start(bench *b, device *d, bool small, char *why, size_t size);
-/* Judges the share of what was left out for doubt, and ends. */
+/* Checks the fraction left out for doubt, and ends. */
 fathom_check bench_end(bench *b);
 void bench_fail(bench *b, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
@@ -35,8 +35,7 @@ void bench_fail(bench *b, const char *format, ...) __attribute__((format(printf,
 
 cl_mem bench_buffer(bench *b, size_t size, const void *content);
 void bench_read(bench *b, cl_mem memory, void *content, size_t size);
-/* A buffer with a model map (four floats a pixel); model becomes what is left of it after packing. NULL: not
- * initialised. */
+/* A buffer with a model map (four floats per pixel); model is set to its value after packing. NULL: not initialised. */
 cl_mem bench_model(bench *b, int count, float *model);
 void bench_read_model(bench *b, cl_mem memory, int count, float *model);
 void bench_free(bench *b);
@@ -156,7 +155,7 @@ typedef struct {
     double allowed;    /* the share of unambiguous pixels that may differ */
 } bench_view;
 void compare_raycast(bench *b, bench_volume *v, const bench_view *view);
-/* Counts, and with emit also what they are. */
+/* Compares the counts, and with emit also the triangles. */
 void compare_triangles(bench *b, bench_volume *v, float min_weight, bool emit);
 
 fathom_check check_convert_depth(device *d, bool small, char *why, size_t size);

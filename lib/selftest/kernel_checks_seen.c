@@ -3,12 +3,13 @@
 
 #include "selftest/kernel_checks_bench.h"
 
-/* ---- mark_seen ------------------------------------------------------------------------------------------------------ */
+/* ---- mark_seen --------------------------------------------------------------------------------------------------- */
 
 enum { MOST = 1000 };
 
-static void compare_mark_seen(bench *b, const float *depth, const kernel_camera *c, const kernel_rigid *world_to_camera,
-                              const kernel_surface *f, const cl_int4 *blocks, int count) {
+static void compare_mark_seen(bench *b, const float *depth, const kernel_camera *c,
+                              const kernel_rigid *world_to_camera, const kernel_surface *f,
+                              const cl_int4 *blocks, int count) {
     int tiles = ((c->width + TILE - 1) / TILE) * ((c->height + TILE - 1) / TILE);
     size_t seen_bytes = (size_t)count * sizeof(cl_int);
     cl_int *seen = bench_alloc(seen_bytes), *got = bench_alloc(seen_bytes), frame = 1000;
@@ -27,7 +28,8 @@ static void compare_mark_seen(bench *b, const float *depth, const kernel_camera 
         if (outcomes[i] == REF_DOUBTFUL)
             b->doubtful++;
         else
-            bench_near(b, "mark_seen: the frame of block", i, 0, got[i], outcomes[i] == REF_IN_VIEW ? frame : seen[i], 0);
+            bench_near(b, "mark_seen: the frame of block", i, 0, got[i],
+                       outcomes[i] == REF_IN_VIEW ? frame : seen[i], 0);
     }
     bench_free(b);
     free(seen);
@@ -50,7 +52,8 @@ fathom_check check_mark_seen(device *d, bool small, char *why, size_t size) {
         kernel_surface f = {.voxel = i % 2 ? 0.01f : 0.03f, .truncation = 0.05f, .submap = i % 3};
         const int most = b.small ? 100 : MOST, about = b.small ? 0 : 40; /* Oclgrind 21.10 rounds negative numbers up */
         for (int k = 0; k < most; k++) { /* behind the camera, about the picture's sides, about what is seen there */
-            int x = bench_random_int(&b, -about, c.width - 1 + about), y = bench_random_int(&b, -about, c.height - 1 + about);
+            int x = bench_random_int(&b, -about, c.width - 1 + about),
+                y = bench_random_int(&b, -about, c.height - 1 + about);
             double z = bench_random(&b, -0.5, 5), world[3];
             if (k % 2 && x >= 0 && y >= 0 && x < c.width && y < c.height)
                 z = depth[ref_at(&c, x, y)] + bench_random(&b, -0.1, 0.4);

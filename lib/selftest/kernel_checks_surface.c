@@ -208,7 +208,7 @@ static fathom_check raycasts(device *d, bool small, char *why, size_t size, bool
     /* so wide that its rim isn't in view: there, too, the outcome depends on the samples' positions */
     const double low[3] = {b.shift - 1.3, b.shift - 1.3, b.shift + 0.5},
                  high[3] = {b.shift + 1.3, b.shift + 1.3, b.shift + 1.5};
-    bench_volume v, none, front; /* whole; nothing; only what lies before the surface has been seen */
+    bench_volume v, none, front; /* all seen; empty; only voxels in front of the surface seen */
     float voxel = b.small ? 0.02f : 0.01f, truncation = 4 * voxel;
     bench_volume_make(&v, 6000, voxel, truncation);
     bench_volume_make(&none, 1, voxel, truncation);

@@ -118,7 +118,7 @@ fathom_check check_request_blocks(device *d, bool small, char *why, size_t size)
         float block_m = i / count / IMAGE_KINDS ? 0.012f : 0.08f;
         bench_volume v;
         bench_volume_make(&v, 300, block_m / BLOCK_EDGE, 0.04f);
-        for (int k = 0; k < 300; k++) { /* some of what will be met, and some anywhere */
+        for (int k = 0; k < 300; k++) { /* some of the blocks to be met, and some others */
             int x = bench_random_int(&b, 0, c.width - 1), y = bench_random_int(&b, 0, c.height - 1);
             double z = depth[ref_at(&c, x, y)], world[3],
                    p[3] = {(x - c.cx) / c.fx * z, (y - c.cy) / c.fy * z, z};
@@ -240,12 +240,13 @@ fathom_check check_pack_planes(device *d, bool small, char *why, size_t size) {
 
 /* ---- fuse_blocks ------------------------------------------------------------------------------------------------- */
 
-/* Blocks in view carry the frame's number, those out of view and those whose turn it wasn't don't. */
+/* Blocks in view carry the frame's number; those out of view and those whose turn it wasn't don't. */
 static void compare_seen(bench *b, const int *seen, int block, uint8_t in_view, int frame, bool turn) {
     if (turn && in_view == REF_DOUBTFUL)
         b->doubtful++;
     else
-        bench_near(b, "fuse_blocks: the frame of block", block, 0, seen[block], turn && in_view == REF_IN_VIEW ? frame : 0, 0);
+        bench_near(b, "fuse_blocks: the frame of block", block, 0, seen[block],
+                   turn && in_view == REF_IN_VIEW ? frame : 0, 0);
 }
 
 void compare_fuse_blocks(bench *b, const float *depth, const float *normals, const kernel_camera *c,
@@ -332,7 +333,7 @@ fathom_check check_fuse_blocks(device *d, bool small, char *why, size_t size) {
     int count = bench_sizes(&b, &sizes);
     for (int i = 0; i < count * IMAGE_KINDS; i++) {
         /* The kernel leaves out blocks out of view by a sphere against the frustum, which is generous by a pixel or so:
-         * a picture of one pixel isn't what it's for (fathom_config takes 16 and more). */
+         * an image of one pixel isn't its purpose (fathom_config's minimum is 16). */
         if (sizes[i % count].width < 16) continue;
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
         float *depth = bench_depth(&b, &c, bench_noise, (image_kind)(i / count));

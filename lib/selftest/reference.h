@@ -66,6 +66,9 @@ typedef struct {
     int *order; /* of blocks, sorted by coordinates */
     int last;   /* the place found last, or -1 */
     int last_block[3];
+    bool has_cube; /* the cube of the last ref_volume_distance: its lowest voxel and its corners' distances */
+    int cube[3];
+    double corner[8]; /* the first is NAN when any was never seen */
 } ref_volume;
 
 void ref_volume_open(ref_volume *v, const cl_int4 *blocks, int count, const int16_t *voxels,
@@ -103,9 +106,9 @@ ref_plane ref_unpack_plane(cl_uint2 packed);
 void ref_pack_planes(const float *depth, const float *normals, const kernel_camera *c, kernel_noise noise,
                      cl_uint2 *planes);
 
-/* Is something of each block in view: does a sphere about its middle, through its outermost voxels, reach into the picture's
- * frustum and no further than a truncation behind the farthest that any tile it may cover has? What reaches to within 0.1 m
- * of the camera may cover all of it. REF_DOUBTFUL where rounding decides. */
+/* Is something of each block in view: does a sphere about its middle, through its outermost voxels, reach into the
+ * picture's frustum and no further than a truncation behind the farthest that any tile it may cover has? What reaches
+ * to within 0.1 m of the camera may cover all of it. REF_DOUBTFUL where rounding decides. */
 enum { REF_OUT, REF_IN_VIEW };
 void ref_in_view(const float *farthest, const kernel_camera *c, const kernel_rigid *world_to_camera,
                  const kernel_surface *f, const cl_int4 *blocks, int count, uint8_t *outcomes);

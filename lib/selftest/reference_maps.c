@@ -136,7 +136,7 @@ void ref_smooth_depth(const float *depth, const kernel_camera *c, kernel_noise n
 
 /* ---- normals ---------------------------------------------------------------------------------------------------- */
 
-/* A neighbour farther off in depth is across an edge: this many sigma, and what a slope of 75 degrees makes (4). */
+/* A neighbour farther off in depth is across an edge: this many sigma, plus the step of a slope of 75 degrees (4). */
 #define EDGE_SIGMAS 4
 /* A bend of this many sigma halves the confidence. */
 #define BEND_SIGMAS 3

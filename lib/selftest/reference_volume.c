@@ -68,6 +68,20 @@ double ref_volume_voxel(ref_volume *v, int x, int y, int z) {
     return seen ? block[at] / 32767.0 : NAN;
 }
 
+/* Neighbouring samples of a ray mostly lie in the same cube. */
+static void look_up_cube(ref_volume *v, const int low[3]) {
+    if (v->has_cube && memcmp(low, v->cube, sizeof v->cube) == 0) return;
+    memcpy(v->cube, low, sizeof v->cube);
+    v->has_cube = true;
+    for (int k = 0; k < 8; k++) {
+        v->corner[k] = ref_volume_voxel(v, low[0] + (k & 1), low[1] + (k >> 1 & 1), low[2] + (k >> 2));
+        if (isnan(v->corner[k])) {
+            v->corner[0] = NAN;
+            return;
+        }
+    }
+}
+
 double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3]) {
     int low[3];
     double t[3], sum = 0, g[3] = {0, 0, 0};
@@ -75,16 +89,18 @@ double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3])
         low[i] = (int)floor(p[i]);
         t[i] = p[i] - low[i];
     }
+    look_up_cube(v, low);
+    if (isnan(v->corner[0])) return NAN;
     for (int k = 0; k < 8; k++) {
         int in[3] = {k & 1, k >> 1 & 1, k >> 2};
-        double d = ref_volume_voxel(v, low[0] + in[0], low[1] + in[1], low[2] + in[2]);
-        if (isnan(d)) return NAN;
+        double d = v->corner[k];
         double share[3], slope[3];
         for (int i = 0; i < 3; i++) {
             share[i] = in[i] ? t[i] : 1 - t[i];
             slope[i] = in[i] ? 1 : -1;
         }
         sum += share[0] * share[1] * share[2] * d;
+        if (!gradient) continue;
         g[0] += slope[0] * share[1] * share[2] * d;
         g[1] += share[0] * slope[1] * share[2] * d;
         g[2] += share[0] * share[1] * slope[2] * d;
@@ -99,7 +115,7 @@ double ref_volume_distance(ref_volume *v, const double p[3], double gradient[3])
 #define BLOCK_SLACK(v) (1e-4 + 4e-7 * fabs(v))
 #define STEP_SLACK 0.01 /* a band as long as a whole number of steps mustn't become one more by rounding */
 
-/* Adds what a coordinate triple may round to: each axis is one of low, high. */
+/* Adds the results of rounding a coordinate triple: each axis is one of low, high. */
 static int add_met(const int low[3], const int high[3], bool sure, cl_int4 *met, int count, int most) {
     for (int k = 0; k < 8 && count >= 0; k++) {
         cl_int4 b = {{0, 0, 0, 0}};
@@ -245,11 +261,11 @@ void ref_pack_planes(const float *depth, const float *normals, const kernel_came
     }
 }
 
-/* ---- what is in view ---------------------------------------------------------------------------------------------- */
+/* ---- what is in view --------------------------------------------------------------------------------------------- */
 
 /* `more` metres are added to the radius, `pixels` to the circle's rectangle. */
-static bool sphere_in_view(const float *farthest, const kernel_camera *c, const double m[3], double radius, double truncation,
-                           double more, double pixels) {
+static bool sphere_in_view(const float *farthest, const kernel_camera *c, const double m[3], double radius,
+                           double truncation, double more, double pixels) {
     const double f[2] = {c->fx, c->fy}, middle[2] = {c->cx, c->cy};
     const int size[2] = {c->width, c->height}, tiles_x = (c->width + TILE - 1) / TILE;
     int low[2], high[2];
@@ -264,7 +280,8 @@ static bool sphere_in_view(const float *farthest, const kernel_camera *c, const 
     double nearest = m[2] - radius, far = 0;
     if (nearest < 0.1) return true;
     for (int i = 0; i < 2; i++) {
-        double slope = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / m[2], at = m[i] / m[2] * f[i] + middle[i] + 0.5;
+        double slope = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / m[2],
+               at = m[i] / m[2] * f[i] + middle[i] + 0.5;
         double reach = f[i] * radius / nearest * slope + pixels * (1 + 0.01 * fabs(at));
         low[i] = (int)fmax(floor((at - reach) / TILE), 0);
         high[i] = (int)fmin(floor((at + reach) / TILE), (size[i] + TILE - 1) / TILE - 1);
@@ -292,11 +309,12 @@ void ref_in_view(const float *farthest, const kernel_camera *c, const kernel_rig
 
 /* ---- fusion ------------------------------------------------------------------------------------------------------ */
 
-#define PLACE_SLACK 1e-6 /* a voxel's place in camera axes, metres; of that, what it makes in the picture */
+/* rounding of a voxel's position in camera axes, metres; and the error that it causes in the image */
+#define PLACE_SLACK 1e-6
 
-/* One voxel's running average (Curless and Levoy 1996, eq. 1 and 2) of its distance to the plane that its pixel stands
- * for, unless it lies a truncation or more behind that, straight or along its own ray. False where the frame says
- * nothing about the voxel. */
+/* One voxel's running average (Curless and Levoy 1996, eq. 1 and 2) of its distance to its pixel's plane, unless it
+ * lies a truncation or more behind that, straight or along its own ray. False where the frame says nothing about the
+ * voxel. */
 static bool fuse_voxel(const cl_uint2 *planes, const kernel_camera *c, const double p[3], double truncation,
                        double max_weight, int16_t *distance, uint16_t *weight, bool *doubt) {
     if (!ref_below(0.1, p[2], 1e-5, doubt)) return false;

@@ -18,13 +18,15 @@ int bench_replay_open(struct bench_replay *bench, const char *name, int argc, ch
                                     .words = {{"folder", AT(folder)}},
                                     .groups = groups};
     int status = options_read(&command, bench, argc, argv);
-    if (!status) status = playback_open(&bench->recording, bench->folder, NULL, &bench->settings, &bench->log);
     if (!status)
-        status = playback_start(&bench->playback, bench->recording, 0, 1, &bench->settings, &bench->settings.config, &bench->log);
+        status = playback_open(&bench->recording, bench->folder, NULL, &bench->settings, &bench->log);
+    if (!status)
+        status = playback_start(&bench->playback, bench->recording, 0, 1, &bench->settings,
+                                &bench->settings.config, &bench->log);
     if (status) return status;
     if (bench->frames > bench->recording->frame_count) bench->frames = bench->recording->frame_count;
-    bench->depth =
-        malloc((size_t)bench->recording->camera.width * (size_t)bench->recording->camera.height * sizeof *bench->depth);
+    bench->depth = malloc((size_t)bench->recording->camera.width * (size_t)bench->recording->camera.height *
+                          sizeof *bench->depth);
     return bench->depth ? CLI_DONE : cli_error(CLI_FAILED, "%s: out of memory", name);
 }
 

@@ -1,7 +1,7 @@
-/* Times fusion alone: the first frames of a recording go into the surface at the poses of groundtruth.txt, every block of
- * every frame. Stdout: one JSON object, milliseconds frame by frame: maps, allocate, fuse.
- * Usage: fusion FOLDER [--frames N] [options of fathom replay that are settings: --size, --voxel, --threads, ...]
- * Works on the library's insides: fathom_step fuses at its own poses, and not every block each time. */
+/* Times fusion alone: the first frames of a recording go into the surface at the poses of groundtruth.txt, every block
+ * of every frame. Stdout: one JSON object, milliseconds frame by frame: maps, allocate, fuse. Usage: fusion FOLDER
+ * [--frames N] [options of fathom replay that are settings: --size, --voxel, --threads, ...] Works on the library's
+ * insides: fathom_step fuses at its own poses, and not every block each time. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -31,7 +31,8 @@ static void fuse_frame(fathom *f, const uint16_t *depth, const pose *at, double 
     depth_maps_make(&f->maps, &f->device, depth, 2 * (size_t)f->config.depth_camera.width, FINEST);
     device_wait(&f->device);
     double made = now_ms();
-    if (integrator_request(&f->integrator, &f->device, &f->volume, &f->maps, at, false) > 0) integrator_allocate(&f->integrator, &f->device, &f->volume);
+    if (integrator_request(&f->integrator, &f->device, &f->volume, &f->maps, at, false) > 0)
+        integrator_allocate(&f->integrator, &f->device, &f->volume);
     device_wait(&f->device);
     double allocated = now_ms();
     integrator_fuse(&f->integrator, &f->device, &f->volume, &f->maps, at, false);
@@ -74,7 +75,8 @@ int main(int argc, char **argv) {
     int status = bench_replay_open(&bench, "fusion", argc, argv);
     double(*ms)[STAGES] = status ? NULL : malloc((size_t)bench.frames * sizeof *ms);
     if (!status)
-        status = ms ? run(bench.playback.library.scan, bench.recording, (int)bench.frames, bench.depth, ms) : CLI_FAILED;
+        status = ms ? run(bench.playback.library.scan, bench.recording, (int)bench.frames, bench.depth, ms)
+                    : CLI_FAILED;
     free(ms);
     bench_replay_close(&bench);
     return status;

@@ -1,6 +1,6 @@
-/* Counts the calls of the heap that fathom_step makes: a replay through libfathom.so, whose code is a range of addresses.
- * Stdout: one JSON object: calls a frame from the library's own code, and from all (the OpenCL runtime's among them).
- * Usage: heap FOLDER [--frames N] [options of fathom replay that are settings: --size, --threads, ...] */
+/* Counts the calls of the heap that fathom_step makes: a replay through libfathom.so, whose code is a range of
+ * addresses. Stdout: one JSON object: calls a frame from the library's own code, and from all (the OpenCL runtime's
+ * among them). Usage: heap FOLDER [--frames N] [options of fathom replay that are settings: --size, --threads, ...] */
 #include <link.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -59,7 +59,8 @@ int main(int argc, char **argv) {
     struct bench_replay bench = {.frames = 40};
     settings_start(&bench.settings);
     int status = bench_replay_open(&bench, "heap", argc, argv);
-    if (!status && bench.frames <= FIRST) status = cli_error(CLI_USAGE, "heap: takes more than %d frames", FIRST);
+    if (!status && bench.frames <= FIRST)
+        status = cli_error(CLI_USAGE, "heap: takes more than %d frames", FIRST);
     if (!status) status = run(&bench.playback, bench.recording, (int)bench.frames, bench.depth);
     bench_replay_close(&bench);
     return status;

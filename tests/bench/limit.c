@@ -1,8 +1,8 @@
-/* What the machine allows, and how far above it each kernel is. Frames of a recording go through the library's step; each
- * kernel that it launches is timed by the device's own clock (OpenCL profiling), and what it must at least move and do is
- * counted from the data. The limit is the longer of: its bytes at the bandwidth of streams, its operations at the rate of
- * fused multiply-adds. Every other frame each launch finds the caches flushed ("cold").
- * Usage: limit FOLDER [--frames N] [--json FILE] [options of fathom replay that are settings: --size, --threads, ...] */
+/* What the machine allows, and how far above it each kernel is. Frames of a recording go through the library's step;
+ * each kernel that it launches is timed by the device's own clock (OpenCL profiling), and what it must at least move
+ * and do is counted from the data. The limit is the longer of: its bytes at the bandwidth of streams, its operations at
+ * the rate of fused multiply-adds. Every other frame each launch finds the caches flushed ("cold"). Usage: limit FOLDER
+ * [--frames N] [--json FILE] [options of fathom replay that are settings: --size, --threads, ...] */
 #include <dlfcn.h>
 #include <math.h>
 #include <stdio.h>
@@ -281,7 +281,8 @@ int main(int argc, char **argv) {
     settings_start(&bench.settings);
     bench.settings.config.voxel_m = 0.01f;
     int status = bench_replay_open(&bench, "limit", argc, argv);
-    if (!status && bench.frames < FIRST + 4) status = cli_error(CLI_USAGE, "limit: takes %d frames or more", FIRST + 4);
+    if (!status && bench.frames < FIRST + 4)
+        status = cli_error(CLI_USAGE, "limit: takes %d frames or more", FIRST + 4);
     if (!status) status = run(&bench.playback, bench.recording, (int)bench.frames, bench.depth);
     bench_replay_close(&bench);
     if (status) return status;

@@ -101,8 +101,8 @@ static double cast_voxels(work_state *w, fathom *f, device_buffer *map, const ke
 bool work_of_cast(work_state *w, fathom *f, const char *cast, const char *kernel, stage_work *work) {
     double met;
     if (!strcmp(cast, "raycast_near") && !strcmp(kernel, "align_reduce")) {
-        work->read +=
-            cast_voxels(w, f, &f->tracker.models.level[FINEST], &f->maps.camera[FINEST], &f->tracker.models.seen_from, &met);
+        work->read += cast_voxels(w, f, &f->tracker.models.level[FINEST], &f->maps.camera[FINEST],
+                                  &f->tracker.models.seen_from, &met);
     } else if (!strcmp(cast, "raycast") && !strcmp(kernel, "request_blocks")) {
         /* the frame has passed, and is fused: its pose is the one that it was judged by */
         work->read += cast_voxels(w, f, &f->tracker.view.map, &f->tracker.view.same, &f->pose, &met);
@@ -151,7 +151,8 @@ bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_
     } else if (!strcmp(kernel, "halve_map")) {
         *work = (stage_work){32 * pixels, 8 * pixels, 30 * pixels};
     } else if (!strcmp(kernel, "align_reduce")) {
-        /* the sums alone: 21 + 6 of the row, the weighted row 6, the cross product 6, residual, weights and moments 12 */
+        /* the sums alone: 21 + 6 of the row, the weighted row 6, the cross product 6, residual, weights and moments
+         * 12 */
         double pairs, overlap;
         pairs_of(f, (int)rows, &pairs, &overlap);
         *work = (stage_work){4 * pixels + 16 * valid_pixels(f, level) + 8 * overlap,
@@ -182,8 +183,8 @@ bool work_of(work_state *w, fathom *f, const char *kernel, size_t columns, size_
         /* the ray and its length 9, weight 14, normal to bits 12, distance 7, the two words 6 */
         *work = (stage_work){16 * finest, 8 * finest, 48 * valid_pixels(f, FINEST)};
     } else if (!strcmp(kernel, "fuse_blocks")) {
-        /* a voxel: projection 8, bounds and pixel 8, plane out of its bits 6, distance 4, along the ray 6, mean 6, to and
-         * from 16 bits 8 */
+        /* a voxel: projection 8, bounds and pixel 8, plane out of its bits 6, distance 4, along the ray 6, mean 6, to
+         * and from 16 bits 8 */
         double voxels;
         fused(w, f, &w->fused_blocks, &voxels);
         *work = (stage_work){BLOCK_BYTES * w->fused_blocks + 8 * finest + 16.0 * f->volume.pool.count,

@@ -13,8 +13,8 @@
 struct corner_slot;
 
 struct corners {
-    FILE *file;       /* of vertices, open for writing and reading; they are appended in the order of their numbers */
-    long first;       /* where vertex 0 lies in it */
+    FILE *file;        /* of vertices, in the order of their numbers; open for writing and reading */
+    long first;        /* position of vertex 0 */
     uint32_t readable; /* vertices below this number have been flushed */
 
     struct corner_slot *window;

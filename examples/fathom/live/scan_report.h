@@ -4,7 +4,7 @@
 
 #include "fathom/live/rig_watch.h"
 
-#define SCAN_REPORT_FRAMES 65536 /* of the last so many are the quantiles */
+#define SCAN_REPORT_FRAMES 65536 /* number of latest frames for the quantiles */
 
 struct scan_report {
     bool json;

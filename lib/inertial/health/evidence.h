@@ -10,7 +10,7 @@
 #define ENOUGH_TURN (20 * DEGREE) /* turned in all */
 #define PLENTY_INTERVALS 15
 #define TURN_NOISE (0.3 * DEGREE) /* turning that alignment sees where there is none */
-#define BETTER 0.25         /* of the misfit is left by what explains it clearly better */
+#define BETTER 0.25         /* fraction of the misfit left by a clearly better explanation */
 #define CONSTANT 10                    /* samples in a row that are the same: more than chance */
 
 /* Sets a finding, unless one is there that rules the sensor out. */

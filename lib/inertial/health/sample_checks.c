@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define PACE_SECONDS 1.5    /* an interval for comparing the clocks' rates */
-#define PACES 3             /* so many odd ones in a row */
+#define PACES 3             /* number of consecutive odd ones */
 #define STUCK_TURN (8 * DEGREE)        /* a constant gyroscope axis while the camera turns about it */
 #define STUCK_FORCE_TURN (30 * DEGREE) /* a constant accelerometer axis while the camera turns at all */
 #define STAY 4                         /* consecutive samples at the largest value: a stay at the limit */

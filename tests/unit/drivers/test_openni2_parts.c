@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -54,6 +55,12 @@ static void run(const char *format, ...) {
     assert_int_equal(system(command), 0);
 }
 
+static int open_descriptors(void) {
+    int count = 0;
+    for (int i = 0; i < 256; i++) count += fcntl(i, F_GETFD) >= 0;
+    return count;
+}
+
 /* A made-up sysfs with a Kinect: what keeps it from being opened is told. */
 static void what_is_on_the_usb_is_explained(void **state) {
     (void)state;
@@ -68,7 +75,10 @@ static void what_is_on_the_usb_is_explained(void **state) {
     char here[512];
     snprintf(here, sizeof here, "%s/root", folder);
     assert_int_equal(openni2_usb_list("/no/such/root", cameras, 4), 0);
+    const int open_before = open_descriptors();
     assert_int_equal(openni2_usb_list(here, cameras, 4), 1);
+    assert_int_equal(openni2_usb_list(here, cameras, 0), 0);
+    assert_int_equal(open_descriptors(), open_before);
     assert_string_equal(cameras[0].name, "Kinect for Xbox 360");
     assert_non_null(strstr(cameras[0].plugin, "libfreenect"));
     assert_int_equal(openni2_usb_fault(here, &cameras[0], why, sizeof why), FATHOM_ERROR_NO_DEVICE);

@@ -318,6 +318,15 @@ static void test_rig(void **state) {
     assert_true(config.imu_clock_offset_ns == -4000000);
     fathom_recording_close(r);
 
+    fathom_config described = {.struct_size = sizeof described, .gravity_m_s2 = 9.7f};
+    described.depth_camera = (fathom_pinhole){.width = WIDTH, .height = HEIGHT};
+    assert_int_equal(fathom_rig_configure(folder, &described, NULL, NULL), FATHOM_OK); /* the same without frames */
+    assert_float_equal(described.depth_camera.fx, 60, 0);
+    assert_float_equal(described.imu_to_camera_rotation[3], 1, 1e-6);
+    assert_float_equal(described.imu_to_camera_translation[1], -0.02f, 0);
+    assert_float_equal(described.gravity_m_s2, 9.81f, 0);
+    assert_true(described.imu_clock_offset_ns == -4000000);
+
     write_text("rig.txt", "depth_scale 0\n");
     expect_failure(FATHOM_ERROR_CONFIG, "rig.txt:1: depth_scale");
     write_text("rig.txt", "depth_scale 1000\nimu_to_camera_rotation 0 90\n");
@@ -359,6 +368,16 @@ static void test_tum_defaults(void **state) {
     r = open_good();
     expect_one_warning("the median depth is 9.00 m; 10000 is likelier (4.50 m)");
     fathom_recording_close(r);
+    static const uint16_t nothing[] = {0, 65535};
+    for (int k = 0; k < 2; k++) { /* frames that show nothing say nothing of the scale */
+        for (int i = 0; i < 3; i++) {
+            snprintf(path, sizeof path, "depth/%d.png", i);
+            write_depth(path, WIDTH, HEIGHT, nothing[k]);
+        }
+        r = open_good();
+        assert_int_equal(warning_count, 0);
+        fathom_recording_close(r);
+    }
     /* Who states a scale is believed. */
     assert_int_equal(open_with(&r, (fathom_recording_options){.depth_units_per_metre = 5000}), FATHOM_OK);
     assert_int_equal(warning_count, 0);

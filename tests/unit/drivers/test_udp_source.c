@@ -13,6 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <stdatomic.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -497,6 +498,35 @@ static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
     close(calling);
 }
 
+/* Who was listened to before the stop has no claim to the next start. */
+static void after_a_stop_any_phone_may_begin(void **state) {
+    (void)state;
+    fathom_source *source = listen_with("");
+    for (int i = 0; i < 2; i++) {
+        const int s = phone();
+        say(s, "1.0, 3, 0.1, 0.2, 9.8, 4, 0.5, 0, 0");
+        assert_int_equal(settle(source, i + 1, 0).samples, i + 1);
+        close(s);
+        assert_int_equal(fathom_source_stop(source), FATHOM_OK);
+        assert_int_equal(fathom_source_start(source), FATHOM_OK);
+    }
+    fathom_source_close(source);
+}
+
+/* A queue needs a descriptor to wait on. */
+static void a_source_without_a_descriptor_left_is_refused(void **state) {
+    (void)state;
+    struct rlimit usual;
+    fathom_source *source = (fathom_source *)&usual;
+    assert_int_equal(getrlimit(RLIMIT_NOFILE, &usual), 0);
+    const struct rlimit none = {0, usual.rlim_max};
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &none), 0);
+    const int e = fathom_source_open(&source, "udp:0", NULL);
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &usual), 0);
+    assert_int_equal(e, FATHOM_ERROR_MEMORY);
+    assert_null(source);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(comma_separated_lines),
@@ -513,6 +543,8 @@ int main(void) {
         cmocka_unit_test(waiting_can_be_cancelled_and_begun_again),
         cmocka_unit_test(uris_that_are_wrong),
         cmocka_unit_test(a_second_start_is_refused_and_the_source_goes_on),
+        cmocka_unit_test(after_a_stop_any_phone_may_begin),
+        cmocka_unit_test(a_source_without_a_descriptor_left_is_refused),
         cmocka_unit_test(enumerating_names_this_machines_addresses),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

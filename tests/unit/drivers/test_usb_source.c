@@ -14,7 +14,9 @@
 #include <unistd.h>
 
 #include "fathom_drivers.h"
+#include "imu/kinect_motor.h"
 #include "imu/mtdata2.h"
+#include "imu/usb_internal.h"
 #include "source_contract.h"
 
 /* ---- the bus ---- */
@@ -37,7 +39,8 @@ static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static struct libusb_transfer *pending[16];
 static int pendings;
 
-static int next_transfer_status;
+static int next_transfer_status, bad_transfers, after_bad; /* so many of that status, then the other; -1: all of that */
+static int submit_error, submitted;
 
 static int fresh_bus(void **state) {
     (void)state;
@@ -45,6 +48,9 @@ static int fresh_bus(void **state) {
     for (int i = 0; i < 3; i++) bus[i] = (libusb_device){.vendor = 0x2639, .product = 0x0300, .has_bulk = true};
     plugged = contexts = configs = strings_asked = pendings = 0;
     next_transfer_status = LIBUSB_TRANSFER_COMPLETED;
+    bad_transfers = -1;
+    after_bad = LIBUSB_TRANSFER_COMPLETED;
+    submit_error = submitted = 0;
     return 0;
 }
 
@@ -172,6 +178,8 @@ void libusb_free_transfer(struct libusb_transfer *transfer) {
 }
 
 int libusb_submit_transfer(struct libusb_transfer *transfer) {
+    submitted++;
+    if (submit_error) return submit_error;
     pthread_mutex_lock(&lock);
     pending[pendings++] = transfer;
     transfer->status = LIBUSB_TRANSFER_COMPLETED;
@@ -204,7 +212,10 @@ int libusb_handle_events_timeout_completed(libusb_context *context, struct timev
         if (!cancelled) {
             static const uint8_t gyro[] = {0x80, 0x20, 12, 0x3F, 0x80, 0, 0, 0x40, 0, 0, 0, 0x40, 0x40, 0, 0,
                                            0x40, 0x20, 12, 0,    0,    0, 0, 0,    0, 0, 0, 0x41, 0x20, 0, 0};
-            finished[count - 1]->status = (enum libusb_transfer_status)next_transfer_status;
+            const bool good = bad_transfers == 0;
+            bad_transfers -= bad_transfers > 0;
+            finished[count - 1]->status =
+                (enum libusb_transfer_status)(good ? after_bad : next_transfer_status);
             finished[count - 1]->actual_length = (int)xbus_build(
                 finished[count - 1]->buffer, (size_t)finished[count - 1]->length, XBUS_MTDATA2, gyro, sizeof gyro);
         }
@@ -342,6 +353,53 @@ static void a_device_that_goes_ends_the_source(void **state) {
     nothing_is_left_open();
 }
 
+/* So many failures in a row and the device counts as gone, one less and it goes on. */
+static void the_last_of_many_failures_in_a_row_ends_the_source(void **state) {
+    (void)state;
+    static const enum libusb_transfer_status failures[] = {LIBUSB_TRANSFER_ERROR, LIBUSB_TRANSFER_OVERFLOW,
+                                                           LIBUSB_TRANSFER_STALL};
+    for (int kind = 0; kind < 3; kind++)
+        for (int less = 0; less < 2; less++) {
+            fathom_source *source;
+            fathom_imu_sample samples[64];
+            fresh_bus(NULL);
+            plugged = 1;
+            next_transfer_status = failures[kind];
+            assert_int_equal(open_usb(&source, "usb:"), FATHOM_OK);
+            for (int round = 0; round <= less; round++) { /* counted anew at each start: the first ends without a good one */
+                after_bad = less && round == 0 ? LIBUSB_TRANSFER_TIMED_OUT : LIBUSB_TRANSFER_COMPLETED;
+                bad_transfers = USB_MOST_ERRORS - less;
+                assert_int_equal(fathom_source_start(source), FATHOM_OK);
+                assert_int_equal(fathom_source_wait(source, round || !less ? 2000 : 100),
+                                 !less   ? FATHOM_ERROR_UNPLUGGED
+                                 : round ? FATHOM_OK
+                                         : FATHOM_ERROR_TIMEOUT);
+                assert_int_equal(bad_transfers, 0);
+                if (round) assert_true(fathom_source_read_imu(source, samples, 64) > 0);
+                assert_int_equal(fathom_source_stop(source), FATHOM_OK);
+            }
+            fathom_source_close(source);
+            nothing_is_left_open();
+        }
+}
+
+/* The same of a device that must be asked: as many questions that can't be put. */
+static void a_motor_that_cannot_be_asked_counts_as_gone(void **state) {
+    (void)state;
+    fathom_source *source;
+    plugged = 1;
+    bus[0].vendor = KINECT_VENDOR;
+    bus[0].product = KINECT_MOTOR_PRODUCT;
+    submit_error = LIBUSB_ERROR_IO;
+    const fathom_source_options options = {.struct_size = sizeof options, .rate_hz = 1000, .log = keep_log};
+    assert_int_equal(fathom_source_open(&source, "usb:", &options), FATHOM_OK);
+    assert_int_equal(fathom_source_start(source), FATHOM_OK);
+    assert_int_equal(fathom_source_wait(source, 5000), FATHOM_ERROR_UNPLUGGED);
+    assert_int_equal(submitted, USB_MOST_ERRORS);
+    fathom_source_close(source);
+    nothing_is_left_open();
+}
+
 static void a_second_start_is_refused_and_the_source_goes_on(void **state) {
     (void)state;
     plugged = 1;
@@ -358,6 +416,8 @@ int main(void) {
         cmocka_unit_test_setup(a_serial_number_picks_the_device, fresh_bus),
         cmocka_unit_test_setup(samples_arrive_and_stopping_takes_the_transfers_back, fresh_bus),
         cmocka_unit_test_setup(a_device_that_goes_ends_the_source, fresh_bus),
+        cmocka_unit_test_setup(the_last_of_many_failures_in_a_row_ends_the_source, fresh_bus),
+        cmocka_unit_test_setup(a_motor_that_cannot_be_asked_counts_as_gone, fresh_bus),
         cmocka_unit_test_setup(a_second_start_is_refused_and_the_source_goes_on, fresh_bus),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -28,7 +28,7 @@ static bool is_there(const char *end) {
     return access(path, F_OK) == 0;
 }
 
-/* ---- a wide strip of squares, row by row: a row's corners come again when the next one is made ---------------------- */
+/* ---- a wide strip of squares, row by row: a row's corners come again when the next one is made ------------------- */
 
 #define COLUMNS 300000 /* more than the corners that any window recalls */
 #define ROWS 3
@@ -116,7 +116,8 @@ static void no_vertex_is_written_twice(void **state) {
     for (size_t i = 0; i < m.vertex_count; i++) sorted[i] = m.vertices[i];
     qsort(sorted, m.vertex_count, sizeof *sorted, by_position);
     for (size_t i = 1; i < m.vertex_count; i++)
-        if (by_position(&sorted[i - 1], &sorted[i]) == 0) fail_msg("two vertices at %g %g", sorted[i][0], sorted[i][1]);
+        if (by_position(&sorted[i - 1], &sorted[i]) == 0)
+            fail_msg("two vertices at %g %g", sorted[i][0], sorted[i][1]);
     free(sorted);
     for (int i = 0; i < triangles; i++) { /* each face is the triangle that was given */
         fathom_vertex corners[3];

@@ -279,6 +279,18 @@ static void a_new_block_was_seen_now(void **state) {
     synthetic_stop(&s);
 }
 
+/* Whatever was there before. */
+static void a_block_that_is_made_new_holds_nothing(void **state) {
+    (void)state;
+    int16_t distances[BLOCK_VOXELS];
+    uint16_t weights[BLOCK_VOXELS];
+    const fathom_block block = {.struct_size = sizeof block, .distances = distances, .weights = weights};
+    memset(distances, 0x5a, sizeof distances);
+    memset(weights, 0x5a, sizeof weights);
+    volume_make_new(&block);
+    for (int i = 0; i < BLOCK_VOXELS; i++) assert_true(distances[i] == NEVER_SEEN && weights[i] == 0);
+}
+
 static void a_pool_that_has_room_again_is_not_full(void **state) {
     (void)state;
     fathom_config c = small_pool();
@@ -335,6 +347,7 @@ int main(void) {
         cmocka_unit_test(what_a_returning_camera_sees_stays),
         cmocka_unit_test(when_a_block_was_seen_moves_with_it),
         cmocka_unit_test(a_new_block_was_seen_now),
+        cmocka_unit_test(a_block_that_is_made_new_holds_nothing),
         cmocka_unit_test(a_pool_that_has_room_again_is_not_full),
         cmocka_unit_test(every_view_that_is_cast_finds_room_for_its_tiles),
     };

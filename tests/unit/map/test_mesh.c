@@ -1,4 +1,5 @@
-/* Marching cubes: the table (mesh_cases), the two kernels and their batches make closed, consistently turned surfaces. */
+/* Marching cubes: the table (mesh_cases), the two kernels and their batches make closed, consistently turned
+ * surfaces. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -95,7 +96,7 @@ static void extract(scene *s) {
     extract_from(s, 0);
 }
 
-/* ---- its topology ------------------------------------------------------------------------------------------------- */
+/* ---- its topology ------------------------------------------------------------------------------------------------ */
 
 typedef struct {
     uint32_t low, high; /* numbers of its corners */
@@ -180,7 +181,7 @@ static topology topology_of(const scene *s) {
     return t;
 }
 
-/* ---- shapes ----------------------------------------------------------------------------------------------------------- */
+/* ---- shapes ------------------------------------------------------------------------------------------------------ */
 
 /* Off the voxels' grid, so that no voxel lies on the surface to the last bit: there corners of several edges would fall
  * on one point. */
@@ -254,11 +255,12 @@ static void a_torus_is_closed(void **state) {
     check_shape(*state, torus, 0);
 }
 
-/* ---- the least weight ------------------------------------------------------------------------------------------------ */
+/* ---- the least weight -------------------------------------------------------------------------------------------- */
 
 static void weigh(scene *s, int weight) {
     for (int i = 0; i < s->filled.count * BLOCK_VOXELS; i++)
-        s->filled.voxels[i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + BLOCK_VOXELS + i % BLOCK_VOXELS] = (int16_t)weight;
+        s->filled.voxels[i / BLOCK_VOXELS * 2 * BLOCK_VOXELS + BLOCK_VOXELS + i % BLOCK_VOXELS] =
+            (int16_t)weight;
 }
 
 /* Weights are stored in 64ths: a voxel counts from exactly min_weight on, and one 64th less is as never seen. */
@@ -307,17 +309,19 @@ static void too_light_is_as_never_seen(void **state) {
     free(vertices);
 }
 
-/* ---- random volumes -------------------------------------------------------------------------------------------------- */
+/* ---- random volumes ---------------------------------------------------------------------------------------------- */
 
 #define SIDE 6 /* blocks across a random volume */
 
-/* Any distances: d, -d or, if zeros, 0, with d from low to high, from voxel `first` on in each axis; outside all around. */
+/* Any distances: d, -d or, if zeros, 0, with d from low to high, from voxel `first` on in each axis; outside all
+ * around. */
 static void fill_at_random(scene *s, bench *b, int first, int low, int high, bool zeros) {
     for (int i = 0; i < SIDE * SIDE * SIDE; i++) {
         const int block[3] = {i % SIDE, i / SIDE % SIDE, i / SIDE / SIDE};
         int16_t *data =
-            s->filled.voxels + (size_t)bench_volume_add(&s->filled, first / 8 + block[0], first / 8 + block[1],
-                                                        first / 8 + block[2]) * 2 * BLOCK_VOXELS;
+            s->filled.voxels + (size_t)bench_volume_add(&s->filled, first / 8 + block[0],
+                                                        first / 8 + block[1], first / 8 + block[2]) *
+                                   2 * BLOCK_VOXELS;
         for (int k = 0; k < BLOCK_VOXELS; k++) {
             const int at[3] = {k % 8, k / 8 % 8, k / 64};
             bool rim = false;

@@ -41,7 +41,7 @@ typedef struct {
     int32_t (*triangles)[3];
 } surface_test;
 
-/* ---- the commands --------------------------------------------------------------------------------------------------- */
+/* ---- the commands ------------------------------------------------------------------------------------------------ */
 
 static int remove_one(const char *path, const struct stat *st, int type, struct FTW *walk) {
     (void)st, (void)type, (void)walk;
@@ -76,7 +76,7 @@ static double figure(const char *summary, const char *name) {
     return at ? strtod(at + strlen(name) + 1, NULL) : NAN;
 }
 
-/* ---- the mesh --------------------------------------------------------------------------------------------------------- */
+/* ---- the mesh ---------------------------------------------------------------------------------------------------- */
 
 static void transform(const double m[16], const double p[3], double out[3]) {
     for (int i = 0; i < 3; i++)
@@ -165,13 +165,14 @@ static void vertices_are_shared(void **state) {
     assert_non_null(sorted);
     for (size_t i = 0; i < s->vertex_count; i++) sorted[i] = s->vertices[i];
     qsort(sorted, s->vertex_count, sizeof *sorted, by_position);
-    for (size_t i = 1; i < s->vertex_count; i++) assert_int_not_equal(by_position(&sorted[i - 1], &sorted[i]), 0);
+    for (size_t i = 1; i < s->vertex_count; i++)
+        assert_int_not_equal(by_position(&sorted[i - 1], &sorted[i]), 0);
     free(sorted);
     for (size_t i = 0; i < s->triangle_count; i++)
         for (int k = 0; k < 3; k++) assert_int_not_equal(s->triangles[i][k], s->triangles[i][(k + 1) % 3]);
 }
 
-/* ---- is what's there true? ------------------------------------------------------------------------------------------- */
+/* ---- is what's there true? --------------------------------------------------------------------------------------- */
 
 static int by_size(const void *a, const void *b) {
     const float x = *(const float *)a, y = *(const float *)b;
@@ -203,7 +204,7 @@ static void the_mesh_lies_on_the_surface(void **state) {
     assert_true(most <= 0.006);
 }
 
-/* ---- is what was seen there? ----------------------------------------------------------------------------------------- */
+/* ---- is what was seen there? ------------------------------------------------------------------------------------- */
 
 static uint64_t cell_key(const int32_t c[3]) {
     const uint64_t offset = 1 << 20, mask = (1 << 21) - 1;

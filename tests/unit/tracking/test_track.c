@@ -226,6 +226,67 @@ static void a_reset_forgets_the_maps_of_the_old_world(void **state) {
     synthetic_stop(&s);
 }
 
+static void assert_no_figures(const fathom_result *r) {
+    assert_int_equal(r->verdict, FATHOM_VERDICT_NO_DEPTH);
+    assert_true(r->pairs == 0 && r->iterations == 0 && r->rms_m == 0 && r->weight == 0);
+    assert_true(r->prior_rotation_rad == 0 && r->prior_translation_m == 0 && r->innovation_sigmas == 0);
+    assert_false(r->fused || r->searched || r->by_velocity);
+}
+
+static void a_frame_that_shows_nothing_has_no_figures(void **state) {
+    (void)state;
+    fathom_config c = without_imu();
+    scan_desk(&c);
+    fathom_result r = synthetic_blank(f, desk[KNOWN - 1].timestamp_ns + SYNTHETIC_PERIOD_NS);
+    assert_no_figures(&r);
+    assert_int_equal(r.state, FATHOM_RECKONED);
+    assert_true(isinf(r.condition) && isnan(r.agreement) && isnan(r.see_through));
+    synthetic_stop(&s);
+}
+
+/* What is refused before the first frame, or the first after a reset, is answered with what is known: where it begins. */
+static void before_the_first_frame_nothing_is_known_but_the_pose(void **state) {
+    (void)state;
+    fathom_config c = without_imu();
+    c.first_pose.position[0] = 4;
+    s = synthetic_start(&c);
+    f = s.scan;
+    for (int i = 0; i < 2; i++) {
+        fathom_result r = FATHOM_STRUCT(fathom_result);
+        assert_int_equal(fathom_step(f, NULL, &r), FATHOM_ERROR_ARGUMENT);
+        assert_no_figures(&r);
+        assert_int_equal(r.state, FATHOM_RECKONED);
+        assert_true(synthetic_distance(r.pose, c.first_pose) < 1e-9 && synthetic_distance(r.odometry, c.first_pose) < 1e-9);
+        assert_int_equal(synthetic_step(f, &desk[i]).state, FATHOM_FIRST);
+        assert_int_equal(fathom_reset(f), FATHOM_OK);
+    }
+    synthetic_stop(&s);
+}
+
+/* Pixels in which the surface is seen, of all. */
+static void the_part_of_a_view_that_shows_surface_is_counted(void **state) {
+    (void)state;
+    fathom_config c = without_imu();
+    scan_desk(&c);
+    model_view *w = &f->tracker.view;
+    const pose at = truth_of(&desk[KNOWN - 1]);
+    for (int turned = 0; turned < 4; turned++) {
+        const double twist[6] = {0, turned < 3 ? 0.35 * turned : 3.1, 0};
+        pose by = pose_exp(twist), from = pose_multiply(&at, &by);
+        const double part = model_view_part(w, &f->device, &f->raycaster, &from);
+        model_view_cast(w, &f->device, &f->raycaster, &from);
+        cl_uint2 *map = device_map(&f->device, &w->map, CL_MAP_READ);
+        const int pixels = w->same.width * w->same.height;
+        int seen = 0;
+        assert_non_null(map);
+        for (int i = 0; i < pixels; i++) seen += kernel_point_of(map[i]).depth > 0;
+        device_unmap(&f->device, &w->map, map);
+        assert_true(fabs(part * pixels - seen) < 1e-6);
+        assert_true(turned == 0 ? part > 0.9 : turned == 3 ? part < 0.01 : part > 0.1 && part < 0.9);
+    }
+    synthetic_stop(&s);
+}
+
 static void a_camera_that_turns_is_not_calm(void **state) {
     (void)state;
     volume v = {.pool = {.count = 1}};
@@ -332,6 +393,9 @@ int main(void) {
         cmocka_unit_test(a_failed_attempt_costs_too),
         cmocka_unit_test(maps_serve_again_until_the_camera_has_moved_or_turned),
         cmocka_unit_test(a_reset_forgets_the_maps_of_the_old_world),
+        cmocka_unit_test(a_frame_that_shows_nothing_has_no_figures),
+        cmocka_unit_test(before_the_first_frame_nothing_is_known_but_the_pose),
+        cmocka_unit_test(the_part_of_a_view_that_shows_surface_is_counted),
         cmocka_unit_test(a_camera_that_turns_is_not_calm),
         cmocka_unit_test(pairs_may_lie_further_apart_on_coarser_levels),
         cmocka_unit_test(fifty_neighbouring_pairs_count_as_one),

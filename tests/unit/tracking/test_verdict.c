@@ -92,6 +92,7 @@ static void a_view_that_disagrees_or_is_seen_through_contradicts(void **state) {
     (void)state;
     comparison k = {.visible = 1000, .agree = 1000 * config.min_agreement, .through = 1000 * config.max_see_through};
     assert_int_equal(judge_view(&config, &k), FATHOM_VERDICT_TRACKING);
+    assert_int_equal(judge_view(&config, &(comparison){0}), FATHOM_VERDICT_TRACKING); /* nothing that contradicts */
     k.agree -= 1;
     assert_int_equal(judge_view(&config, &k), FATHOM_VERDICT_CONTRADICTION);
     k.agree += 1;
