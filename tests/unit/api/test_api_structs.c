@@ -180,6 +180,39 @@ static void rows_further_apart_give_the_same_result(void **state) {
     }
 }
 
+/* Garbage below min_confidence changes no bit of what zeros there give; confidence's rows may lie apart. */
+static void unsure_pixels_are_as_good_as_none(void **state) {
+    (void)state;
+    enum { PITCH = SYNTHETIC_WIDTH + 24 };
+    static uint16_t blanked[SYNTHETIC_PIXELS], wild[SYNTHETIC_PIXELS];
+    static uint8_t confidence[PITCH * SYNTHETIC_HEIGHT];
+    fathom_config c = synthetic_config(&frames[0]);
+    c.min_confidence = 2;
+    synthetic_context clean = synthetic_start(&c), unsure = synthetic_start(&c);
+    for (int i = 0; i < FRAMES; i++) {
+        for (int y = 0; y < SYNTHETIC_HEIGHT; y++)
+            for (int x = 0; x < SYNTHETIC_WIDTH; x++) {
+                const int at = y * SYNTHETIC_WIDTH + x;
+                const bool sure = (x / 3 + y / 5 + i) % 4 != 0;
+                confidence[y * PITCH + x] = sure ? 2 : 1;
+                blanked[at] = sure ? frames[i].depth[at] : 0;
+                wild[at] = sure ? frames[i].depth[at] : (uint16_t)(4000 + 37 * at % 9000);
+            }
+        fathom_result a = FATHOM_STRUCT(fathom_result), b = FATHOM_STRUCT(fathom_result);
+        fathom_depth_frame f = synthetic_depth(frames[i].timestamp_ns, blanked, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT);
+        assert_int_equal(fathom_step(clean.scan, &f, &a), FATHOM_OK);
+        f.depth = wild;
+        f.confidence = confidence;
+        f.confidence_stride_bytes = PITCH;
+        assert_int_equal(fathom_step(unsure.scan, &f, &b), FATHOM_OK);
+        assert_true(i == 0 ? a.state == FATHOM_FIRST : a.state == FATHOM_TRACKED);
+        assert_true(a.state == b.state && a.pairs == b.pairs && a.blocks == b.blocks && a.blocks > 100);
+        assert_memory_equal(&a.pose, &b.pose, sizeof a.pose);
+    }
+    synthetic_stop(&clean);
+    synthetic_stop(&unsure);
+}
+
 static void refused(fathom_depth_frame f, const char *word) {
     fathom_result r = FATHOM_STRUCT(fathom_result);
     assert_int_equal(fathom_step(s.scan, &f, &r), FATHOM_ERROR_ARGUMENT);
@@ -444,6 +477,7 @@ int main(void) {
         cmocka_unit_test(a_pose_goes_to_a_matrix_and_back),
         cmocka_unit_test(what_is_not_rigid_is_no_pose),
         WITH_CONTEXT(rows_further_apart_give_the_same_result),
+        WITH_CONTEXT(unsure_pixels_are_as_good_as_none),
         WITH_CONTEXT(what_a_frame_cannot_carry_is_refused_by_name),
         WITH_CONTEXT(eight_coefficients_bend_as_opencv_bends),
         WITH_CONTEXT(coefficients_that_the_lens_does_not_use_are_refused),
