@@ -297,7 +297,7 @@ VIRTUAL_DEPTH = $(BUILD)/tests/openni2/libVirtualDepth.so.0
 $(BUILD)/tests/openni2/%.cpp.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 $(BUILD)/tests/unit/drivers/test_openni2.c.o $(BUILD)/tests/unit/drivers/test_openni2_parts.c.o: CPPFLAGS += $(shell pkg-config --cflags libopenni2 2>/dev/null | sed 's/-I/-isystem /g')
 # Only what it uses: libOpenNI2 loads it with every symbol resolved.
-$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(filter $(BUILD)/drivers/recording/recording% $(BUILD)/drivers/recording/image_file%,$(DRIVERS_OBJ))
+$(VIRTUAL_DEPTH): $(BUILD)/tests/openni2/virtual_depth.cpp.o $(filter $(addprefix $(BUILD)/drivers/recording/,recording% record_list% stray_scanner% image_file%),$(DRIVERS_OBJ))
 	$(call say,LD)
 	$(Q)$(CXX) -shared -o $@ $^ $(ALL_LDFLAGS) $(shell pkg-config --libs libpng 2>/dev/null) -lpthread -lm
 $(BUILD)/tests/test_openni2: | $(VIRTUAL_DEPTH)

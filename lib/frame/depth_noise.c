@@ -174,7 +174,9 @@ static kernel_noise estimate(const depth_noise *n) {
         values[count] = values[from] * sigma_of(&n->given, shape_m[i]) / sigma_of(&n->given, z[from]);
         weights[count++] = SHAPE_WEIGHT;
     }
-    return depth_noise_fit(z, values, weights, count);
+    kernel_noise noise = depth_noise_fit(z, values, weights, count);
+    noise.base = fmaxf(noise.base, n->given.base); /* frames without noise, rendered or filtered, aren't that exact */
+    return noise;
 }
 
 void depth_noise_look(depth_noise *n, depth_maps *m, const fathom_depth_frame *f) {
