@@ -39,7 +39,7 @@ static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static struct libusb_transfer *pending[16];
 static int pendings;
 
-static int next_transfer_status, bad_transfers, after_bad; /* so many of that status, then the other; -1: all of that */
+static _Atomic int next_transfer_status, bad_transfers, after_bad; /* that many of a status, then the other; -1: all */
 static int submit_error, submitted;
 
 static int fresh_bus(void **state) {
