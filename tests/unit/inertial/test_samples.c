@@ -68,6 +68,24 @@ static void a_mounting_that_turns_takes_along_all_that_is_kept(void **state) {
     assert_int_equal(s->still.samples, 0); /* what was summed is in the old axes */
 }
 
+/* Up to 5 rad/s and 100 m/s^2 from one sample to the next are motion; more waits, to be a glitch or not. */
+static void a_change_is_sudden_beyond_its_bound_on_each_axis(void **state) {
+    (void)state;
+    for (int axis = 0; axis < 6; axis++)
+        for (int sign = -1; sign <= 1; sign += 2)
+            for (int beyond = 0; beyond < 2; beyond++) {
+                begin(NULL);
+                fathom_imu_sample s = {0};
+                samples_take(&n.samples, &s);
+                s.timestamp_ns = PERIOD_NS;
+                float *value = axis < 3 ? &s.gyro[axis] : &s.accel[axis - 3], bound = axis < 3 ? 5 : 100;
+                *value = (float)sign * (beyond ? nextafterf(bound, 1000) : bound);
+                samples_take(&n.samples, &s);
+                assert_int_equal(n.samples.doubtful, beyond);
+                assert_int_equal(n.samples.count, 2 - beyond);
+            }
+}
+
 /* ---- stillness ---- */
 
 static void a_history_that_begins_again_ends_the_stillness(void **state) {
@@ -176,6 +194,7 @@ int main(void) {
 #define AT_REST(test) cmocka_unit_test_setup(test, begin)
     const struct CMUnitTest tests[] = {
         AT_REST(a_mounting_that_turns_takes_along_all_that_is_kept),
+        cmocka_unit_test(a_change_is_sudden_beyond_its_bound_on_each_axis),
         AT_REST(a_history_that_begins_again_ends_the_stillness),
         AT_REST(a_gap_ends_the_stillness),
         cmocka_unit_test(stillness_ends_at_its_bounds_on_each_axis),
