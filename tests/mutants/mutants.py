@@ -132,7 +132,7 @@ def tests_for(change, known, caught):
     """The unit tests that can see a change, the likeliest first: those that caught others in the same file, its own folder's,
     then the rest from the quickest on."""
     folder = change.path.split("/")[0 if not change.path.startswith("lib/") else 1]
-    own = {"opencl": ("cl",), "frame": ("cl", "frame"), "step.c": ("api", "tracking")}.get(folder, (folder,))
+    own = {"opencl": ("cl", "map"), "frame": ("cl", "frame"), "step.c": ("api", "tracking")}.get(folder, (folder,))
     order = lambda n: ((change.path, n) not in caught, known[n].folder not in own, known[n].seconds)
     return sorted((n for n in known if can_see(change, known[n])), key=order)
 
