@@ -127,6 +127,11 @@ static void json_lines(void **state) {
     char large[UDP_LINE_MOST + 2];
     memset(large, ' ', sizeof large);
     assert_int_equal(udp_line_parse(UDP_FORMAT_ANY, large, sizeof large, &line), UDP_LINE_MALFORMED);
+    assert_int_equal(udp_line_parse(UDP_FORMAT_ANY, large, UDP_LINE_MOST + 1, &line), UDP_LINE_MALFORMED);
+    assert_int_equal(udp_line_parse(UDP_FORMAT_ANY, large, UDP_LINE_MOST, &line), UDP_LINE_OTHER);
+    memcpy(large + UDP_LINE_MOST - 9, "1,3,1,2,3", 9); /* as long as may be, to the last character */
+    assert_int_equal(udp_line_parse(UDP_FORMAT_ANY, large, UDP_LINE_MOST, &line), UDP_LINE_READING);
+    assert_true(line.accel[2] == 3);
     assert_int_equal(udp_line_parse(UDP_FORMAT_ANY, "1,3,\0,2,3", 9, &line), UDP_LINE_MALFORMED);
 }
 

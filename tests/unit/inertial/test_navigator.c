@@ -187,6 +187,33 @@ static windows reckon_all(const char *grade, const struct imu_mounting *m) {
     return w;
 }
 
+/* ---- doubt ------------------------------------------------------------------------------------------------------ */
+
+static bool turned_over(double t, fathom_imu_sample *s) {
+    (void)t;
+    for (int i = 0; i < 3; i++) s->gyro[i] = -s->gyro[i];
+    return true;
+}
+
+/* How wrong samples and going on without them foretell a turn is learnt from interval to interval; samples that contradict the
+ * poses are left aside until they agree again. */
+static void samples_that_contradict_the_poses_are_left_aside_until_they_agree(void **state) {
+    (void)state;
+    const double much = 0.012 * 0.012;
+    configure(&usual);
+    begin(SCENE_ROOM, 3, "consumer", &usual);
+    track(0, 0, 4, NULL);
+    assert_false(n.now.doubted);
+    assert_true(n.now.gyro_error > 0 && n.now.gyro_error < much / 16);
+    assert_true(n.now.turn_error > n.now.gyro_error);
+    track(0, 4 + 1 / FRAME_RATE, 6, turned_over);
+    assert_true(n.now.doubted);
+    assert_true(n.now.gyro_error > much);
+    track(0, 6 + 1 / FRAME_RATE, 8, NULL);
+    assert_false(n.now.doubted);
+    assert_true(n.now.gyro_error < much / 4);
+}
+
 /* ---- dead reckoning ----------------------------------------------------------------------------------------------- */
 
 static void ideal_samples_dead_reckon(void **state) {
@@ -499,6 +526,7 @@ static void a_slow_imu_that_dies_is_noticed(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(samples_that_contradict_the_poses_are_left_aside_until_they_agree),
         cmocka_unit_test(ideal_samples_dead_reckon),
         cmocka_unit_test(a_parts_noise_and_biases_dead_reckon),
         cmocka_unit_test(mounting_and_lever_are_honoured),

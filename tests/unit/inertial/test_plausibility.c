@@ -442,6 +442,24 @@ static void names_are_all_different(void **state) {
     assert_string_equal(fathom_imu_health_name((fathom_imu_health)99), "unknown");
 }
 
+/* A bias of a tenth of a radian a second is taken for one at once; ten times as much is no bias, until long evidence says so. */
+static void a_bias_that_no_sensor_has_is_suspect(void **state) {
+    (void)state;
+    static const double unit[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, biases[] = {0, 0.05, 0.1, 1};
+    for (int k = 0; k < 4; k++) {
+        plausibility p;
+        plausibility_start(&p, unit, 9.8);
+        for (int i = 0; i < 6; i++) {
+            plausibility_interval e = {.from_ns = i * 150000000ll, .to_ns = (i + 1) * 150000000ll};
+            e.turn[i % 3] = i < 3 ? 0.12 : -0.12;
+            for (int a = 0; a < 3; a++) e.gyro[a] = e.turn[a] + (a == 1 ? biases[k] * 0.15 : 0);
+            plausibility_add(&p, &e);
+        }
+        assert_int_equal(p.suspect, k == 3);
+        assert_int_equal(p.gyro.health, k == 3 ? FATHOM_IMU_UNCHECKED : FATHOM_IMU_GOOD);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_mistake_is_named_and_acted_on),
@@ -452,6 +470,7 @@ int main(void) {
         cmocka_unit_test(a_camera_at_rest_proves_nothing),
         cmocka_unit_test(a_reset_forgets_the_mistake),
         cmocka_unit_test(names_are_all_different),
+        cmocka_unit_test(a_bias_that_no_sensor_has_is_suspect),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

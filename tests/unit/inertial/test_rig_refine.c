@@ -275,6 +275,22 @@ static void what_stands_out_is_handed_out_once(void **state) {
     assert_false(rig_refiner_take(&r, mounting, &offset));
 }
 
+/* A refiner that is too often wrong begins again: as unsure as at first, of everything by itself. */
+static void what_was_learnt_before_a_knock_is_forgotten(void **state) {
+    (void)state;
+    const double wrong[3] = {0.03, -0.02, 0};
+    rig_refiner r, fresh;
+    rig_refiner_start(&fresh, 0.05, 0.02, 0.02);
+    rig_refiner_start(&r, 0.05, 0.02, 0.02);
+    turn_about_z(&r, wrong, 0.012, 300);
+    assert_true(r.started && rig_refiner_sigma(&r, 0) < 0.01);
+    r.misfit = 100;
+    turn_about_z(&r, wrong, 0.012, 1);
+    assert_false(r.started);
+    assert_memory_equal(r.covariance, fresh.covariance, sizeof r.covariance);
+    assert_true(r.noise == 1 && r.misfit == 1);
+}
+
 /* The IMU is knocked in the middle of a scan, and its clock jumps. */
 static void a_knocked_rig_is_found_again(void **state) {
     (void)state;
@@ -379,6 +395,7 @@ int main(void) {
         cmocka_unit_test(standing_still_moves_nothing),
         cmocka_unit_test(an_axis_that_tells_nothing_is_left_alone),
         cmocka_unit_test(what_stands_out_is_handed_out_once),
+        cmocka_unit_test(what_was_learnt_before_a_knock_is_forgotten),
         cmocka_unit_test(a_knocked_rig_is_found_again),
         cmocka_unit_test(off_means_untouched),
         cmocka_unit_test(wrong_poses_do_little_harm),

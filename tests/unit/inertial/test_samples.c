@@ -68,6 +68,24 @@ static void a_mounting_that_turns_takes_along_all_that_is_kept(void **state) {
     assert_int_equal(s->still.samples, 0); /* what was summed is in the old axes */
 }
 
+/* Up to 5 rad/s and 100 m/s^2 from one sample to the next are motion; more waits, to be a glitch or not. */
+static void a_change_is_sudden_beyond_its_bound_on_each_axis(void **state) {
+    (void)state;
+    for (int axis = 0; axis < 6; axis++)
+        for (int sign = -1; sign <= 1; sign += 2)
+            for (int beyond = 0; beyond < 2; beyond++) {
+                begin(NULL);
+                fathom_imu_sample s = {0};
+                samples_take(&n.samples, &s);
+                s.timestamp_ns = PERIOD_NS;
+                float *value = axis < 3 ? &s.gyro[axis] : &s.accel[axis - 3], bound = axis < 3 ? 5 : 100;
+                *value = (float)sign * (beyond ? nextafterf(bound, 1000) : bound);
+                samples_take(&n.samples, &s);
+                assert_int_equal(n.samples.doubtful, beyond);
+                assert_int_equal(n.samples.count, 2 - beyond);
+            }
+}
+
 /* ---- stillness ---- */
 
 static void a_history_that_begins_again_ends_the_stillness(void **state) {
@@ -107,6 +125,16 @@ static void stillness_ends_at_its_bounds_on_each_axis(void **state) {
                 for (int i = 0; i < 10; i++) stillness_add(&w, sample[0], sample[1], 0.005, 0.001);
                 assert_int_equal(w.samples, beyond ? 0 : 40);
             }
+}
+
+/* Numbers that have no rounding: a quarter is the bound. */
+static void a_force_that_changes_by_the_bound_is_still(void **state) {
+    (void)state;
+    const double none[3] = {0, 0, 0}, quarter[3] = {0, 0.25, 0};
+    stillness w;
+    stillness_reset(&w, 0.05);
+    for (int i = 0; i < 40; i++) stillness_add(&w, none, i < 30 ? none : quarter, 0.005, 0.001);
+    assert_int_equal(w.samples, 40);
 }
 
 /* ---- blind time ---- */
@@ -172,15 +200,50 @@ static void an_axis_is_stuck_only_while_it_says_the_same(void **state) {
     }
 }
 
+/* The camera turns, and two axes of the accelerometer are swapped. */
+static void turn_with_swapped_force(plausibility *p) {
+    for (int i = 0; i < 40; i++) {
+        const double w[3] = {0.2 * i, 1.1 * sin(0.3 * i), 0.13 * i}, down[3] = {0, 0, -9.8};
+        plausibility_interval e = {.from_ns = i * 200000000ll, .to_ns = (i + 1) * 200000000ll, .has_force = true};
+        double back[9], force[3];
+        so3_exp(w, e.imu_to_world);
+        for (int k = 0; k < 9; k++) back[k] = e.imu_to_world[k % 3 * 3 + k / 3];
+        so3_apply(back, down, force);
+        for (int k = 0; k < 3; k++) {
+            e.turn[k] = e.gyro[k] = 0.1 * cos(i + k);
+            e.force[k] = force[k == 0 ? 1 : k == 1 ? 0 : 2];
+        }
+        plausibility_add(p, &e);
+    }
+}
+
+static void what_is_found_of_a_sensor_first_stays_to_the_last_bit(void **state) {
+    (void)state;
+    const double unit[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    plausibility p;
+    plausibility_start(&p, unit, 9.8);
+    turn_with_swapped_force(&p);
+    assert_int_equal(p.gyro.health, FATHOM_IMU_GOOD);
+    assert_int_equal(p.accel.health, FATHOM_IMU_AXES);
+    plausibility_start(&p, unit, 9.8);
+    found(&p.accel, FATHOM_IMU_UNITS, 1000, 7);
+    const plausibility_finding before = p.accel;
+    turn_with_swapped_force(&p);
+    assert_memory_equal(&p.accel, &before, sizeof before);
+}
+
 int main(void) {
 #define AT_REST(test) cmocka_unit_test_setup(test, begin)
     const struct CMUnitTest tests[] = {
         AT_REST(a_mounting_that_turns_takes_along_all_that_is_kept),
+        cmocka_unit_test(a_change_is_sudden_beyond_its_bound_on_each_axis),
         AT_REST(a_history_that_begins_again_ends_the_stillness),
         AT_REST(a_gap_ends_the_stillness),
         cmocka_unit_test(stillness_ends_at_its_bounds_on_each_axis),
+        cmocka_unit_test(a_force_that_changes_by_the_bound_is_still),
         AT_REST(blind_time_counts_from_the_last_sample),
         cmocka_unit_test(the_angle_of_a_rotation_is_how_far_it_turns),
+        cmocka_unit_test(what_is_found_of_a_sensor_first_stays_to_the_last_bit),
         cmocka_unit_test(an_axis_is_stuck_only_while_it_says_the_same),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

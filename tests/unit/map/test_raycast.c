@@ -99,8 +99,10 @@ static void fill(scene *s) {
     for (int z = 0; z < LAYERS / BLOCK_EDGE; z++) {
         if (s->layers[z * BLOCK_EDGE] == ABSENT) continue;
         for (int k = 0; k < 56; k++) { /* wide enough for the picture at its farthest */
-            int16_t *data = s->filled.voxels + (size_t)bench_volume_add(&s->filled, k % 8 - 4, k / 8 - 3,
-                                                                        z + FIRST / BLOCK_EDGE) * BLOCK_SHORTS;
+            const int from_middle = (k + 28) % 56; /* the pool's first block lies there */
+            int16_t *data =
+                s->filled.voxels + (size_t)bench_volume_add(&s->filled, from_middle % 8 - 4, from_middle / 8 - 3,
+                                                            z + FIRST / BLOCK_EDGE) * BLOCK_SHORTS;
             for (int i = 0; i < BLOCK_VOXELS; i++) {
                 const float d = s->striped && i % 2 ? UNSEEN : s->layers[z * BLOCK_EDGE + i / 64];
                 data[i] = d == UNSEEN ? NEVER_SEEN : (int16_t)rintf(TSDF_ONE * d * VOXEL / TRUNCATION);
@@ -148,6 +150,11 @@ static void assert_cast(scene *s, double at, float scan, bool newton) {
 static void a_wall_is_seen_where_it_is(void **state) {
     wall(*state, WALL + 0.3f);
     assert_cast(*state, WALL + 0.3, WALL + 2, true);
+}
+
+static void a_wall_in_the_first_block_of_the_pool_is_seen(void **state) {
+    wall(*state, 27.3f);
+    assert_cast(*state, 27.3, 28, true);
 }
 
 static void a_hole_between_front_and_back_is_no_surface(void **state) {
@@ -218,6 +225,7 @@ int main(void) {
 #define IN_SCENE(test) cmocka_unit_test_setup_teardown(test, open_scene, close_scene)
     const struct CMUnitTest tests[] = {
         IN_SCENE(a_wall_is_seen_where_it_is),
+        IN_SCENE(a_wall_in_the_first_block_of_the_pool_is_seen),
         IN_SCENE(a_hole_between_front_and_back_is_no_surface),
         IN_SCENE(nor_is_a_block_that_is_missing_between_them),
         IN_SCENE(a_cube_with_an_unseen_corner_is_no_surface),

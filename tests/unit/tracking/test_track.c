@@ -13,6 +13,7 @@
 #include "base/covariance.h"
 #include "context.h"
 #include "synthetic.h"
+#include "tracking/relocalise.h"
 
 #define KNOWN 12
 
@@ -226,6 +227,30 @@ static void a_reset_forgets_the_maps_of_the_old_world(void **state) {
     synthetic_stop(&s);
 }
 
+/* The places that the search proposes: from the right one itself, and from seeds off by half a metre and 15 degrees, the first
+ * lies where alignment finds the way alone; and no two are the same. */
+static void the_search_proposes_the_right_place_first(void **state) {
+    (void)state;
+    static const double off[][6] = {{0}, {0.02, 0.1, 0, 0.1, 0, -0.1}, {0, -0.25, 0.05, 0.3, 0.1, 0}, {-0.15, 0.1, -0.1, -0.3, 0.2, -0.2}};
+    fathom_config c = without_imu();
+    scan_desk(&c);
+    const pose truth = truth_of(&desk[KNOWN - 1]);
+    depth_maps_make(&f->maps, &f->device, desk[KNOWN - 1].depth, 2 * SYNTHETIC_WIDTH, 0);
+    for (int i = 0; i < 4; i++) {
+        const align_prior seed = prior_of(&truth, off[i], 0.12, 0.2);
+        pose best[SEARCH_BEST];
+        unsigned drawn = 0;
+        const int found = search_about(&f->tracker.aligner, &f->device, &f->maps, &f->tracker.view, &f->raycaster, &seed.mean,
+                                       seed.covariance, &drawn, best);
+        assert_true(found > 0 && found <= SEARCH_BEST);
+        assert_int_equal(drawn, 128);
+        pose rest = pose_between(&best[0], &truth);
+        print_message("# seed %d: %d places, the first off by %.3f rad, %.3f m\n", i, found, pose_angle(&rest), pose_distance(&rest));
+        assert_true(pose_angle(&rest) < 0.03 && pose_distance(&rest) < 0.05);
+    }
+    synthetic_stop(&s);
+}
+
 static void assert_no_figures(const fathom_result *r) {
     assert_int_equal(r->verdict, FATHOM_VERDICT_NO_DEPTH);
     assert_true(r->pairs == 0 && r->iterations == 0 && r->rms_m == 0 && r->weight == 0);
@@ -393,6 +418,7 @@ int main(void) {
         cmocka_unit_test(a_failed_attempt_costs_too),
         cmocka_unit_test(maps_serve_again_until_the_camera_has_moved_or_turned),
         cmocka_unit_test(a_reset_forgets_the_maps_of_the_old_world),
+        cmocka_unit_test(the_search_proposes_the_right_place_first),
         cmocka_unit_test(a_frame_that_shows_nothing_has_no_figures),
         cmocka_unit_test(before_the_first_frame_nothing_is_known_but_the_pose),
         cmocka_unit_test(the_part_of_a_view_that_shows_surface_is_counted),
