@@ -444,8 +444,8 @@ typedef struct {
 
     /* Depth error in proportion to the depth: sigma(z) = base + slope z + growth z^2. 0..1; default 0. */
     float depth_noise_slope;
-    /* The depth error is estimated from the frames, from the first one on. The settings then give its minimum base, and
-     * its shape at depths that weren't seen. Default true. */
+    /* How the depth error grows with the depth is estimated from the frames, from the first one on. The settings then
+     * give its scale, and its growth beyond the depths that were seen. Default true. */
     bool refine_depth_noise;
     uint8_t unused[3];
 } fathom_config;

@@ -52,7 +52,7 @@ const setting_row settings_table[] = {
     ROW(depth_noise_base_m, "m", 1e-6, 1, 0.0001,
         "Constant part of the depth error: sigma(z) = base + slope z + growth z^2"),
     ROW(depth_noise_slope, "", 0, 1, 0, "Part of the depth error in proportion to the depth"),
-    SWITCH(refine_depth_noise, 1, "The depth error is estimated from the frames, and the settings give its shape where nothing was seen"),
+    SWITCH(refine_depth_noise, 1, "The growth of the depth error with the depth is estimated from the frames; the settings give its scale"),
     ROW(depth_noise_growth_per_m, "1/m", 0, 1, 0.003,
         "Growth of the depth error with the square of the depth"),
 #undef GROUP

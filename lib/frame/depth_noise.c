@@ -166,6 +166,7 @@ static kernel_noise estimate(const depth_noise *n) {
         weights[count++] = fmin(n->count[i] / FULL, 1);
     }
     if (count == 0) return n->given;
+    const int seen = count;
     const int nearest = 0, farthest = count - 1;
     for (int i = 0; i < SHAPES; i++) {
         const int from = shape_m[i] < z[nearest] ? nearest : farthest;
@@ -175,8 +176,13 @@ static kernel_noise estimate(const depth_noise *n) {
         weights[count++] = SHAPE_WEIGHT;
     }
     kernel_noise noise = depth_noise_fit(z, values, weights, count);
-    noise.base = fmaxf(noise.base, n->given.base); /* frames without noise, rendered or filtered, aren't that exact */
-    return noise;
+    double excess = 0, total = 0;
+    for (int i = 0; i < seen; i++) {
+        excess += weights[i] * log(sigma_of(&n->given, z[i]) / sigma_of(&noise, z[i]));
+        total += weights[i];
+    }
+    const float scale = (float)exp(excess / total);
+    return (kernel_noise){scale * noise.base, scale * noise.slope, scale * noise.growth};
 }
 
 void depth_noise_look(depth_noise *n, depth_maps *m, const fathom_depth_frame *f) {

@@ -112,8 +112,6 @@ static void triangulation_grows_with_the_square(void **state) {
     const kernel_noise n = estimate_of(triangulation, 0.7, 6, 40, 1000, 1);
     print_message("# %.4f %.4f %.4f, exponent %.2f\n", (double)n.base, (double)n.slope, (double)n.growth, exponent(&n));
     assert_true(exponent(&n) > 1.7 && exponent(&n) < 2.15);
-    /* a second difference of two half steps at its 90th percentile: near the settings' 3 mm at 1 m */
-    assert_true(sigma(&n, 2) > 0.5 * 0.003 * 4 && sigma(&n, 2) < 2 * 0.003 * 4);
 }
 
 static void a_lidar_grows_in_proportion(void **state) {
@@ -128,6 +126,22 @@ static void a_constant_error_stays_constant(void **state) {
     const kernel_noise n = estimate_of(time_of_flight, 0.7, 6, 40, 1000, 1);
     print_message("# %.4f %.4f %.4f, exponent %.2f\n", (double)n.base, (double)n.slope, (double)n.growth, exponent(&n));
     assert_true(exponent(&n) > -0.1 && exponent(&n) < 0.3);
+}
+
+/* Whatever the sensor, sigma is the settings' in the geometric mean over what was seen. */
+static void the_scale_stays_the_settings(void **state) {
+    (void)state;
+    const sensor sensors[] = {triangulation, lidar, time_of_flight};
+    const kernel_noise given = {0.0001f, 0, 0.003f};
+    for (int s = 0; s < 3; s++) {
+        const kernel_noise n = estimate_of(sensors[s], 0.7, 6, 40, 1000, 1);
+        double ratio = 0;
+        for (int wall = 0; wall < 8; wall++) {
+            const double z = 0.7 * pow(6 / 0.7, wall / 7.0);
+            ratio += log(sigma(&n, z) / sigma(&given, z)) / 8;
+        }
+        assert_true(fabs(ratio) < log(1.2));
+    }
 }
 
 /* Steps of a tenth of the depth, and a tenth of the pixels at them. */
@@ -227,6 +241,7 @@ int main(void) {
         cmocka_unit_test(triangulation_grows_with_the_square),
         cmocka_unit_test(a_lidar_grows_in_proportion),
         cmocka_unit_test(a_constant_error_stays_constant),
+        cmocka_unit_test(the_scale_stays_the_settings),
         cmocka_unit_test(edges_change_little),
         cmocka_unit_test(units_change_nothing),
         cmocka_unit_test(unseen_depths_have_the_settings_shape),
