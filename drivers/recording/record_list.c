@@ -72,7 +72,9 @@ bool record_pose(struct record_list *list, int64_t stamp, const double position[
     if (!record_place(list, stamp, faults, line, &item)) return false;
     if (item)
         *(fathom_recording_pose *)item =
-            (fathom_recording_pose){stamp, {{position[0], position[1], position[2]}, {q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm}}};
+            (fathom_recording_pose){stamp,
+                                    {{position[0], position[1], position[2]},
+                                     {q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm}}};
     return true;
 }
 

@@ -30,7 +30,7 @@ void record_fault(struct record_faults *faults, int *kind, int line);
 /* Reads a stamp and exactly 'count' finite numbers; false (and counted) for a line that is to be left out. */
 bool record_numbers(struct text_file *text, int64_t *stamp, double *values, int count, struct record_faults *faults);
 
-/* Makes room for the record, or not, as its stamp allows. Returns false without memory; *item is NULL for a line to be left
+/* Makes room for the record if its stamp allows. Returns false without memory; *item is NULL for a line to be left
  * out. */
 bool record_place(struct record_list *list, int64_t stamp, struct record_faults *faults, int line, void **item);
 

@@ -82,7 +82,8 @@ void depth_maps_init(depth_maps *m, device *d, arena *a, const fathom_config *c)
                                       .metres_per_unit = 1.0f / c->depth_units_per_metre,
                                       .min_m = c->min_depth_m};
     m->min_confidence = c->min_confidence;
-    depth_maps_set_noise(m, c, &(kernel_noise){c->depth_noise_base_m, c->depth_noise_slope, c->depth_noise_growth_per_m});
+    const kernel_noise noise = {c->depth_noise_base_m, c->depth_noise_slope, c->depth_noise_growth_per_m};
+    depth_maps_set_noise(m, c, &noise);
     device_buffer_make(d, a, (size_t)p->width * (size_t)p->height * 2, &m->raw);
     device_buffer_make(d, a, (size_t)m->camera[FINEST].plane * 4, &m->smooth);
     for (int i = 0; i < FATHOM_LEVELS; i++) {

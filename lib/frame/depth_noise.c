@@ -71,7 +71,8 @@ static void count_row(depth_noise *n, const depth_maps *m, const fathom_depth_fr
     for (int x = 1; x < f->width - 1; x++) {
         const int a = row[x - 1], b = row[x], c = row[x + 1];
         if (a < low || a > high || b < low || b > high || c < low || c > high) continue;
-        if (!depth_maps_sure(m, f, x - 1, y) || !depth_maps_sure(m, f, x, y) || !depth_maps_sure(m, f, x + 1, y)) continue;
+        const bool sure = depth_maps_sure(m, f, x - 1, y) && depth_maps_sure(m, f, x, y) && depth_maps_sure(m, f, x + 1, y);
+        if (!sure) continue;
         const float z = (float)b * unit, size = (float)abs(a - 2 * b + c) * unit;
         if (size > EDGE * z) continue;
         const int i = range_of(z, DEPTH_FIRST, DEPTH_SHIFT, DEPTH_NOISE_RANGES);
@@ -144,7 +145,8 @@ static float quantile(const float *sizes, float count) {
     float below = 0;
     for (int j = 0; j < DEPTH_NOISE_SIZES; j++) {
         if (below + sizes[j] >= QUANTILE * count) {
-            const float from = j > 0 ? start_of(j, SIZE_FIRST, SIZE_SHIFT) : 0, to = start_of(j + 1, SIZE_FIRST, SIZE_SHIFT);
+            const float from = j > 0 ? start_of(j, SIZE_FIRST, SIZE_SHIFT) : 0;
+            const float to = start_of(j + 1, SIZE_FIRST, SIZE_SHIFT);
             return from + (to - from) * (QUANTILE * count - below) / sizes[j];
         }
         below += sizes[j];

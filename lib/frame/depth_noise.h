@@ -1,5 +1,5 @@
-/* How the sensor's depth noise grows with the depth, estimated from the frames by the second difference of depth along a row.
- * Planes have none, so that its 90th percentile is the sensor's own (steps of disparity, ranging noise), as long as few
+/* How the sensor's depth noise grows with the depth, estimated from the frames by the second difference of depth along a
+ * row. Planes have none, so that its 90th percentile is the sensor's own (steps of disparity, ranging noise), as long as few
  * pixels lie at edges. Its scale stays that of the settings: filtered depth is smoother than it is exact. */
 #ifndef FATHOM_DEPTH_NOISE_H
 #define FATHOM_DEPTH_NOISE_H
@@ -23,8 +23,8 @@ void depth_noise_init(depth_noise *n, const fathom_config *config);
 /* Forgets what was seen. */
 void depth_noise_reset(depth_noise *n);
 
-/* Looks at a frame (a checked one) before its maps are made, and gives them the new estimate: every frame at first, later
- * some. With refine_depth_noise false it does nothing. */
+/* Looks at a frame (a checked one) before its maps are made, and gives them the new estimate: every frame at first,
+ * later some. With refine_depth_noise false it does nothing. */
 void depth_noise_look(depth_noise *n, depth_maps *maps, const fathom_depth_frame *frame);
 
 /* The a, b, c >= 0 of a + b z + c z^2 that come nearest to the values, by relative errors squared with weights. */

@@ -13,8 +13,8 @@
 #define EAGER 15
 #define RARE 30
 
-/* Where inertia alone is as sure as this, and alignment agrees with it, a surface that contradicts both for so long is wrong (it
- * has moved, or the sensor saw what isn't there: glass, smear), and what is seen now is to take its place. */
+/* Where inertia alone is as sure as this and alignment agrees with it, a surface that contradicts both for LASTING_S is
+ * wrong (it has moved, or the sensor saw what isn't there: glass, smear), and gives way to the present frames. */
 #define CONFIRMED_M 0.02
 #define CONFIRMED_RAD 0.02
 #define CONFIRMED_SIGMAS 3
@@ -177,7 +177,8 @@ static double rotation_sigma(const double covariance[36]) {
 static void settle_contradiction(tracker *t, const align_prior *seed, int64_t timestamp_ns, attempt *icp) {
     const bool sure = covariance_position_sigma(seed->covariance) < CONFIRMED_M &&
                       rotation_sigma(seed->covariance) < CONFIRMED_RAD && icp->innovation < CONFIRMED_SIGMAS;
-    const bool lately = t->contradiction_ns != INT64_MIN && seconds_between(t->contradiction_ns, timestamp_ns) < PAUSE_S;
+    const bool lately =
+        t->contradiction_ns != INT64_MIN && seconds_between(t->contradiction_ns, timestamp_ns) < PAUSE_S;
     icp->contradicted = lately;
     if ((icp->verdict != FATHOM_VERDICT_CONTRADICTION && icp->verdict != FATHOM_VERDICT_RESIDUAL) || !sure) return;
     if (!lately) t->contradicted_ns = timestamp_ns;

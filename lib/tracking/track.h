@@ -23,7 +23,8 @@ typedef struct {
     model_maps models;
     model_view view;
     bool strayed;   /* the last frame wasn't tracked */
-    int64_t contradicted_ns, contradiction_ns; /* the surface contradicts poses that inertia confirms: since then, and last */
+    /* when the surface began to contradict poses that inertia confirms, and when it did last; INT64_MIN: never */
+    int64_t contradicted_ns, contradiction_ns;
     int missed;     /* consecutive lost frames for which every attempt failed */
     unsigned drawn; /* hypotheses of relocalisation so far */
     /* of the current frame */

@@ -11,7 +11,7 @@ typedef struct {
     fathom_verdict verdict;
     bool seeded;                       /* from a seed good enough for max_seeded_iterations */
     bool searched;                     /* from a pose that relocalisation proposed */
-    bool contradicted;                 /* the surface contradicts it, and gives way: what inertia confirms (track.c) */
+    bool contradicted;                 /* the surface contradicts it, or did lately: it teaches nothing about the IMU */
     bool by_velocity;                  /* the prior is the pose that the last velocity predicts, not inertia's */
     double rotation_rad, translation_m; /* from the prior's mean to the result */
     double innovation;                 /* the same as a Mahalanobis distance, in sigmas of the prior */
