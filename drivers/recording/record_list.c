@@ -36,7 +36,7 @@ void record_fault(struct record_faults *faults, int *kind, int line) {
 }
 
 bool record_numbers(struct text_file *text, int64_t *stamp, double *values, int count,
-                         struct record_faults *faults) {
+                    struct record_faults *faults) {
     bool whole = text_stamp(text, stamp), finite = true;
     for (int i = 0; i < count && whole; i++) {
         whole = text_number(text, &values[i]);
@@ -51,7 +51,8 @@ bool record_numbers(struct text_file *text, int64_t *stamp, double *values, int 
     return false;
 }
 
-bool record_place(struct record_list *list, int64_t stamp, struct record_faults *faults, int line, void **item) {
+bool record_place(struct record_list *list, int64_t stamp, struct record_faults *faults, int line,
+                  void **item) {
     *item = NULL;
     const enum record_order order = record_list_order(list, stamp);
     if (order != ORDER_KEEP) record_fault(faults, &faults->out_of_order, line);
@@ -71,10 +72,9 @@ bool record_pose(struct record_list *list, int64_t stamp, const double position[
     }
     if (!record_place(list, stamp, faults, line, &item)) return false;
     if (item)
-        *(fathom_recording_pose *)item =
-            (fathom_recording_pose){stamp,
-                                    {{position[0], position[1], position[2]},
-                                     {q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm}}};
+        *(fathom_recording_pose *)item = (fathom_recording_pose){
+            stamp,
+            {{position[0], position[1], position[2]}, {q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm}}};
     return true;
 }
 
@@ -82,7 +82,8 @@ bool record_pose(struct record_list *list, int64_t stamp, const double position[
 static bool next_line(struct text_file *text, char separator) {
     if (!text_next(text)) return false;
     if (!separator) return true;
-    if (text->number == 1 && strpbrk(text->at, "abcdefghijklmnopqrstuvwxyz") && !text_next(text)) return false;
+    if (text->number == 1 && strpbrk(text->at, "abcdefghijklmnopqrstuvwxyz") && !text_next(text))
+        return false;
     for (char *c = text->at; *c; c++)
         if (*c == separator) *c = ' ';
     return true;

@@ -28,15 +28,17 @@ struct record_faults {
 void record_fault(struct record_faults *faults, int *kind, int line);
 
 /* Reads a stamp and exactly 'count' finite numbers; false (and counted) for a line that is to be left out. */
-bool record_numbers(struct text_file *text, int64_t *stamp, double *values, int count, struct record_faults *faults);
+bool record_numbers(struct text_file *text, int64_t *stamp, double *values, int count,
+                    struct record_faults *faults);
 
 /* Makes room for the record if its stamp allows. Returns false without memory; *item is NULL for a line to be left
  * out. */
-bool record_place(struct record_list *list, int64_t stamp, struct record_faults *faults, int line, void **item);
+bool record_place(struct record_list *list, int64_t stamp, struct record_faults *faults, int line,
+                  void **item);
 
 /* Puts in a pose whose quaternion x y z w is about of unit length; false without memory. */
-bool record_pose(struct record_list *list, int64_t stamp, const double position[3], const double quaternion[4],
-                 struct record_faults *faults, int line);
+bool record_pose(struct record_list *list, int64_t stamp, const double position[3],
+                 const double quaternion[4], struct record_faults *faults, int line);
 
 /* Reads a whole file by 'take', which returns false without memory. separator: what lies between values beside blanks, and a
  * first line with names is left out then; 0: blanks alone. */

@@ -82,7 +82,8 @@ static int read_all(struct recording *recording, const void *user) {
     if (!result) result = stray ? stray_scanner_read_poses(recording) : recording_read_poses(recording);
     const bool no_imu = options->imu_file && !*options->imu_file;
     if (!result && !no_imu)
-        result = stray && !options->imu_file ? stray_scanner_read_imu(recording) : recording_read_imu(recording, options->imu_file);
+        result = stray && !options->imu_file ? stray_scanner_read_imu(recording)
+                                             : recording_read_imu(recording, options->imu_file);
     return result;
 }
 

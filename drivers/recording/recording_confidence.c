@@ -9,10 +9,12 @@
 #include <unistd.h>
 
 static int make_room(struct recording *recording) {
-    if (!recording->confidence) recording->confidence = calloc((size_t)recording->shown.frame_count, sizeof(char *));
+    if (!recording->confidence)
+        recording->confidence = calloc((size_t)recording->shown.frame_count, sizeof(char *));
     recording->shown.confidence = (const char *const *)recording->confidence;
-    return recording->confidence ? FATHOM_OK
-                                 : recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
+    return recording->confidence
+               ? FATHOM_OK
+               : recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
 }
 
 /* The frame of exactly that stamp, or -1. */
@@ -31,7 +33,8 @@ static int frame_at(const struct recording *recording, int64_t stamp) {
 static int take_line(struct recording *recording, struct text_file *text, const char *path, int *strays) {
     int64_t stamp;
     if (!text_stamp(text, &stamp))
-        return recording_fail(recording, FATHOM_ERROR_CONFIG, "%s:%d: expected `t file`, t in seconds", path, text->number);
+        return recording_fail(recording, FATHOM_ERROR_CONFIG, "%s:%d: expected `t file`, t in seconds", path,
+                              text->number);
     const char *file = text_rest(text);
     const int frame = frame_at(recording, stamp);
     if (frame < 0 || !*file || recording->confidence[frame]) {
@@ -39,8 +42,9 @@ static int take_line(struct recording *recording, struct text_file *text, const 
         return FATHOM_OK;
     }
     recording->confidence[frame] = strdup(file);
-    return recording->confidence[frame] ? FATHOM_OK
-                                        : recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", path);
+    return recording->confidence[frame]
+               ? FATHOM_OK
+               : recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", path);
 }
 
 int recording_read_confidence_list(struct recording *recording) {
@@ -50,12 +54,15 @@ int recording_read_confidence_list(struct recording *recording) {
     if (!path) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
     const int missing = text_open(&text, path);
     int result = missing == ENOENT ? FATHOM_OK
-                 : missing         ? recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: %s", path, strerror(missing))
-                                   : make_room(recording);
+                 : missing
+                     ? recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: %s", path, strerror(missing))
+                     : make_room(recording);
     while (!missing && !result && text_next(&text)) result = take_line(recording, &text, path, &strays);
-    if (!result && text.error) result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: %s", path, strerror(text.error));
+    if (!result && text.error)
+        result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: %s", path, strerror(text.error));
     if (!result && strays > 0)
-        recording_say(recording, FATHOM_LOG_WARNING, "%s: %d line%s without a depth frame of that stamp left out", path, strays,
+        recording_say(recording, FATHOM_LOG_WARNING,
+                      "%s: %d line%s without a depth frame of that stamp left out", path, strays,
                       strays == 1 ? "" : "s");
     text_close(&text);
     free(path);
@@ -74,7 +81,8 @@ int recording_pair_confidence(struct recording *recording, const char *folder) {
         if (!recording->confidence[i])
             result = recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
         else
-            snprintf(recording->confidence[i], size, "%s/%s", folder, name ? name + 1 : recording->frames[i].file);
+            snprintf(recording->confidence[i], size, "%s/%s", folder,
+                     name ? name + 1 : recording->frames[i].file);
     }
     return result;
 }
@@ -93,8 +101,8 @@ int fathom_recording_read_confidence(const fathom_recording *shown, int index, u
     else if (image_read_gray16(path, wide, count, &width, &height, error, sizeof error))
         result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s", error);
     else if (width != shown->camera.width || height != shown->camera.height)
-        result = recording_fail(recording, FATHOM_ERROR_SIZE, "%s: %dx%d, where the depth is %dx%d", path, width, height,
-                                shown->camera.width, shown->camera.height);
+        result = recording_fail(recording, FATHOM_ERROR_SIZE, "%s: %dx%d, where the depth is %dx%d", path,
+                                width, height, shown->camera.width, shown->camera.height);
     for (size_t i = 0; !result && i < count; i++) pixels[i] = (uint8_t)(wide[i] < 255 ? wide[i] : 255);
     free(wide);
     free(path);

@@ -20,7 +20,8 @@ static bool there(const struct recording *recording, const char *file) {
 }
 
 bool stray_scanner_is(const struct recording *recording) {
-    return !there(recording, "depth.txt") && there(recording, "camera_matrix.csv") && there(recording, "odometry.csv");
+    return !there(recording, "depth.txt") && there(recording, "camera_matrix.csv") &&
+           there(recording, "odometry.csv");
 }
 
 /* ---- odometry.csv: timestamp, frame, x, y, z, qx, qy, qz, qw; later versions append more ---- */
@@ -39,7 +40,8 @@ static bool take_frame(struct text_file *text, struct record_list *list, struct 
     void *item;
     char file[32];
     if (!row_of(text, &stamp, v, faults)) return true;
-    if (record_list_order(list, stamp) == ORDER_REPLACE) free((char *)((fathom_recording_frame *)list->items)[list->count - 1].file);
+    if (record_list_order(list, stamp) == ORDER_REPLACE)
+        free((char *)((fathom_recording_frame *)list->items)[list->count - 1].file);
     if (!record_place(list, stamp, faults, text->number, &item)) return false;
     if (!item) return true;
     snprintf(file, sizeof file, "depth/%06d.png", (int)v[0]);
@@ -66,7 +68,8 @@ static bool take_sample(struct text_file *text, struct record_list *list, struct
     return true;
 }
 
-static int read_rows(struct recording *recording, const char *file, bool may_be_missing, struct record_list *list,
+static int read_rows(struct recording *recording, const char *file, bool may_be_missing,
+                     struct record_list *list,
                      bool (*take)(struct text_file *, struct record_list *, struct record_faults *)) {
     char *path = recording_path(recording, file);
     if (!path) return recording_fail(recording, FATHOM_ERROR_MEMORY, "%s: out of memory", recording->folder);
@@ -82,7 +85,8 @@ int stray_scanner_read_frames(struct recording *recording) {
     recording->shown.frames = list.items;
     recording->shown.frame_count = list.count;
     if (result || list.count > 0) return result;
-    return recording_fail(recording, FATHOM_ERROR_CONFIG, "%s/odometry.csv: no frames in it", recording->folder);
+    return recording_fail(recording, FATHOM_ERROR_CONFIG, "%s/odometry.csv: no frames in it",
+                          recording->folder);
 }
 
 int stray_scanner_read_poses(struct recording *recording) {
@@ -135,8 +139,8 @@ static int scale_camera(struct recording *recording, const char *path, const dou
     camera->cx = (k[2] + 0.5) * scale - 0.5;
     camera->cy = (k[5] + 0.5) * scale - 0.5;
     const char *fault = recording_intrinsics_fault(camera);
-    return fault ? recording_fail(recording, FATHOM_ERROR_CONFIG, "%s: for depth of %dx%d: %s", path, camera->width,
-                                  camera->height, fault)
+    return fault ? recording_fail(recording, FATHOM_ERROR_CONFIG, "%s: for depth of %dx%d: %s", path,
+                                  camera->width, camera->height, fault)
                  : FATHOM_OK;
 }
 
@@ -152,7 +156,8 @@ int stray_scanner_read_camera(struct recording *recording) {
     if (missing)
         result = recording_fail(recording, FATHOM_ERROR_NO_DATA, "%s: %s", path, strerror(missing));
     else if (!read_matrix(&text, k))
-        result = recording_fail(recording, FATHOM_ERROR_CONFIG, "%s:%d: expected three rows of three numbers", path, text.number);
+        result = recording_fail(recording, FATHOM_ERROR_CONFIG, "%s:%d: expected three rows of three numbers",
+                                path, text.number);
     else
         result = scale_camera(recording, path, k);
     text_close(&text);

@@ -3,14 +3,14 @@
 #include <math.h>
 #include <string.h>
 
-#define ROWS 24          /* that are looked at in a frame */
-#define EACH 30          /* frames: each is looked at; then one in SOME */
+#define ROWS 24 /* that are looked at in a frame */
+#define EACH 30 /* frames: each is looked at; then one in SOME */
 #define SOME 8
-#define KEPT 0.95f       /* of the counts, from look to look */
-#define EDGE 0.05f       /* of the depth: a second difference beyond is an edge */
+#define KEPT 0.95f /* of the counts, from look to look */
+#define EDGE 0.05f /* of the depth: a second difference beyond is an edge */
 #define QUANTILE 0.9f
-#define ENOUGH 200.0f    /* pixels in a range */
-#define FULL 2000.0f     /* pixels: a range counts wholly */
+#define ENOUGH 200.0f     /* pixels in a range */
+#define FULL 2000.0f      /* pixels: a range counts wholly */
 #define SHAPE_WEIGHT 0.05 /* of the settings' shape, at each of these depths where nothing was seen */
 static const double shape_m[] = {0.5, 1, 2, 4, 8};
 #define SHAPES (int)(sizeof shape_m / sizeof *shape_m)
@@ -65,13 +65,15 @@ static void fade(depth_noise *n) {
     }
 }
 
-static void count_row(depth_noise *n, const depth_maps *m, const fathom_depth_frame *f, int y, int low, int high) {
+static void count_row(depth_noise *n, const depth_maps *m, const fathom_depth_frame *f, int y, int low,
+                      int high) {
     const uint16_t *row = f->depth + (size_t)y * (size_t)(f->row_stride_bytes / 2);
     const float unit = m->source.metres_per_unit;
     for (int x = 1; x < f->width - 1; x++) {
         const int a = row[x - 1], b = row[x], c = row[x + 1];
         if (a < low || a > high || b < low || b > high || c < low || c > high) continue;
-        const bool sure = depth_maps_sure(m, f, x - 1, y) && depth_maps_sure(m, f, x, y) && depth_maps_sure(m, f, x + 1, y);
+        const bool sure =
+            depth_maps_sure(m, f, x - 1, y) && depth_maps_sure(m, f, x, y) && depth_maps_sure(m, f, x + 1, y);
         if (!sure) continue;
         const float z = (float)b * unit, size = (float)abs(a - 2 * b + c) * unit;
         if (size > EDGE * z) continue;
@@ -159,7 +161,8 @@ static double sigma_of(const kernel_noise *n, double z) {
 }
 
 static kernel_noise estimate(const depth_noise *n) {
-    double z[DEPTH_NOISE_RANGES + SHAPES], values[DEPTH_NOISE_RANGES + SHAPES], weights[DEPTH_NOISE_RANGES + SHAPES];
+    double z[DEPTH_NOISE_RANGES + SHAPES], values[DEPTH_NOISE_RANGES + SHAPES],
+        weights[DEPTH_NOISE_RANGES + SHAPES];
     int count = 0;
     for (int i = 0; i < DEPTH_NOISE_RANGES; i++) {
         if (n->count[i] < ENOUGH) continue;

@@ -11,8 +11,8 @@
 
 typedef struct {
     const fathom_config *config;
-    kernel_noise given; /* the settings': where nothing was seen, the noise has this shape */
-    int frames; /* looked at */
+    kernel_noise given;              /* the settings': where nothing was seen, the noise has this shape */
+    int frames;                      /* looked at */
     float depth[DEPTH_NOISE_RANGES]; /* sums, m */
     float count[DEPTH_NOISE_RANGES];
     float sizes[DEPTH_NOISE_RANGES][DEPTH_NOISE_SIZES]; /* pixels, old ones fading */
