@@ -40,8 +40,8 @@ bool record_place(struct record_list *list, int64_t stamp, struct record_faults 
 bool record_pose(struct record_list *list, int64_t stamp, const double position[3],
                  const double quaternion[4], struct record_faults *faults, int line);
 
-/* Reads a whole file by 'take', which returns false without memory. separator: what lies between values beside blanks, and a
- * first line with names is left out then; 0: blanks alone. */
+/* Reads a whole file by 'take', which returns false without memory. separator: what lies between values beside
+ * blanks, and a first line with names is left out then; 0: blanks alone. */
 int record_list_read(struct recording *recording, const char *path, bool may_be_missing, char separator,
                      struct record_list *list,
                      bool (*take)(struct text_file *, struct record_list *, struct record_faults *));

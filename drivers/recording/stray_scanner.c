@@ -1,5 +1,5 @@
-/* Stamps are seconds since the phone's start; poses are ARKit's, camera to world with x right, y down, z forward; samples are
- * CoreMotion's raw ones. */
+/* Stamps are seconds since the phone's start; poses are ARKit's, camera to world with x right, y down, z forward;
+ * samples are CoreMotion's raw ones. */
 #include "recording/stray_scanner.h"
 #include "recording/record_list.h"
 

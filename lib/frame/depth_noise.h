@@ -1,6 +1,7 @@
-/* How the sensor's depth noise grows with the depth, estimated from the frames by the second difference of depth along a
- * row. Planes have none, so that its 90th percentile is the sensor's own (steps of disparity, ranging noise), as long as few
- * pixels lie at edges. Its scale stays that of the settings: filtered depth is smoother than it is exact. */
+/* How the sensor's depth noise grows with the depth, estimated from the frames by the second difference of depth
+ * along a row. Planes have none, so that its 90th percentile is the sensor's own (steps of disparity, ranging noise),
+ * as long as few pixels lie at edges. Its scale stays that of the settings: filtered depth is smoother than it is
+ * exact. */
 #ifndef FATHOM_DEPTH_NOISE_H
 #define FATHOM_DEPTH_NOISE_H
 
