@@ -6,7 +6,7 @@ Changes come from changes.txt (written by hand, all of them) and are drawn by a 
 drivers/ until there are N in all. Each is made in a copy below BUILD/mutants, the unit tests that enter the changed function (gcov
 says which those are) are built and run until one fails (or crashes, or hangs), and the line is put back. Results are kept in
 BUILD/mutants/results.jsonl as they come, keyed by the change itself, so that a run that was stopped goes on where it was; a file
-that changed since is tried again, a survivor by the tests that have changed since (by all of them with --only).
+whose code changed since is tried again, a survivor by the tests that have changed since (by all of them with --only).
 The end prints the share that was caught, and the survivors; changes that are no fault (equivalent.txt) are counted apart.
 """
 import argparse
@@ -41,6 +41,12 @@ def sources():
 def read(path):
     with open(path, encoding="utf-8") as f:
         return f.read()
+
+
+def code_digest(path):
+    """Of a file's code: comments and the layout of its lines may change."""
+    code = re.sub(r"/\*.*?\*/|//[^\n]*", " ", read(os.path.join(ROOT, path)), flags=re.S)
+    return hashlib.sha256("".join(code.split()).encode()).hexdigest()
 
 
 def rows(name):
@@ -319,8 +325,7 @@ def main():
             row = json.loads(line) if line.strip() else None
             if row:
                 results[row["key"]] = row
-    state = {c.path: hashlib.sha256(read_bytes(os.path.join(ROOT, c.path))).hexdigest() for c in changes
-             if os.path.exists(os.path.join(ROOT, c.path))}
+    state = {c.path: code_digest(c.path) for c in changes if os.path.exists(os.path.join(ROOT, c.path))}
     # a survivor may be caught by a test that has come since; what was caught stays caught while its file is the same
     waiting = [c for c in changes if c.key not in results or results[c.key]["file"] != state.get(c.path) or
                results[c.key]["fate"] == "survived"]
