@@ -19,10 +19,11 @@ SCENES = [("room-1", "room", ["--speed", "2", "--frames", "180"], 1), ("room-2",
 
 
 def defaults():
-    """The settings as lib/api/settings.c has them."""
-    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "lib", "api", "settings.c")
+    """The settings as docs/SETTINGS.md has them, a row each: name, unit, range, default, meaning."""
+    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "docs", "SETTINGS.md")
     with open(path) as file:
-        return {name: float(value) for name, value in re.findall(r"c\.(\w+) = ([0-9.]+)f?;", file.read())}
+        return {name: float(value) for name, value in
+                re.findall(r"^\| `([\w\[\].]+)` \|[^|]*\|[^|]*\| ([-+0-9.e]+) \|", file.read(), flags=re.M)}
 
 
 def measure(runs):
