@@ -114,8 +114,7 @@ def assemble(results, docs):
             with open(path) as file:
                 kept[letter] = json.load(file)
     pictures = os.path.join(docs, "results")
-    shutil.rmtree(pictures, ignore_errors=True)
-    os.makedirs(pictures)
+    os.makedirs(pictures, exist_ok=True) # other pages' pictures are there, too
     lines = HEAD.splitlines()
     if any(k["shared"] for k in kept.values()):
         lines += KITCHEN.splitlines()
