@@ -328,8 +328,9 @@ static const imu_device device = {.open = find_and_open, .begin = begin, .poll =
 static bool parse_what(hid_source *s) {
     const char *what = s->address.what;
     if (*what != '/') return address_usb(&s->wanted, what);
-    if (strlen(what) >= sizeof s->path) return false;
-    snprintf(s->path, sizeof s->path, "%s", what);
+    const size_t size = strlen(what) + 1;
+    if (size > sizeof s->path) return false;
+    memcpy(s->path, what, size);
     return true;
 }
 
