@@ -46,8 +46,11 @@ extern "C" {
  *                    aren't finite or go back in time are left out with one warning.
  *   rig.txt          `key values`: depth_scale, imu_to_camera_rotation, imu_to_camera_translation,
  *                    imu_clock_offset, gravity, color_intrinsics, color_to_depth_rotation,
- *                    color_to_depth_translation. Optional. A key that isn't known gets a warning, a value
- *                    that can't be read is an error.
+ *                    color_to_depth_translation, depth_noise, confidence_min. Optional. A key that isn't known
+ *                    gets a warning, a value that can't be read is an error.
+ *   confidence.txt   `t file`, PNGs for the depth frames of those stamps; higher is surer. Optional.
+ *
+ * A folder of the Stray Scanner app (camera_matrix.csv, odometry.csv, imu.csv, depth/, confidence/) is read as it is.
  */
 
 /* A depth frame of a recording. */

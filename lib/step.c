@@ -62,8 +62,7 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
         if (!f->paused) fuse(&f->fusing, &icp->motion, r);
         move(f, &icp->motion, icp->covariance);
         track_keep(&f->tracker, &f->pose);
-    } else if (best.verdict == FATHOM_VERDICT_UNCERTAIN) { /* some directions are determined: a wall's distance and tilt
-                                                              */
+    } else if (best.verdict == FATHOM_VERDICT_UNCERTAIN) { /* some directions are known: a wall's distance, tilt */
         move(f, &icp->motion, icp->covariance);
     } else {
         move(f, &seed.mean, seed.covariance);

@@ -89,10 +89,7 @@ static void count_frame(depth_noise *n, const depth_maps *m, const fathom_depth_
     const int low = (int)fminf(fmaxf(ceilf(n->config->min_depth_m / unit), 1), 65535);
     const int high = (int)fminf(n->config->max_depth_m / unit, 65534);
     const int rows = f->height < ROWS ? f->height : ROWS;
-    for (int i = 0; i < rows; i++) {
-        const int y = (int)(((int64_t)i * f->height + n->frames % (f->height / rows)) / rows);
-        count_row(n, m, f, y, low, high);
-    }
+    for (int i = 0; i < rows; i++) count_row(n, m, f, i * f->height / rows, low, high);
 }
 
 /* ---- fitting ---- */
