@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "simulate/sensor_noise.h"
+#include "simulate/sensor_kinect.h"
 
 #define SUBFRAMES 5
 #define SPOT_PX 1.0 /* at 640x480 */
@@ -46,7 +46,7 @@ static void expose_pixel(const struct subframes *s, size_t pixel, float *depth, 
         least = fmin(least, 1.0 / z);
         most = fmax(most, 1.0 / z);
     }
-    const bool one = seen && !shadow_moves && SENSOR_DISPARITY_PX_M * (most - least) <= SPOT_PX;
+    const bool one = seen && !shadow_moves && KINECT_DISPARITY_PX_M * (most - least) <= SPOT_PX;
     depth[pixel] = one ? (float)(1.0 / mean) : s->depth[MIDDLE][pixel];
     lost[pixel] = !one;
 }
@@ -80,7 +80,7 @@ bool exposure_render(const struct exposure *exposure, const struct scene *scene,
                                 threads, subframes.depth[k], k == MIDDLE ? cosine : NULL);
         if (!shadow || !whole) continue;
         subframes.lit[k] = (uint8_t *)(buffer + SUBFRAMES * pixels) + (size_t)k * pixels;
-        sensor_lit(subframes.depth[k], camera->width, camera->height, camera->width / 640.0,
+        kinect_lit(subframes.depth[k], camera->width, camera->height, camera->width / 640.0,
                    subframes.lit[k]);
     }
     for (size_t pixel = 0; pixel < pixels && whole; pixel++) expose_pixel(&subframes, pixel, depth, lost);

@@ -78,7 +78,7 @@ for option in --trajectory-final=f --trajectory-format=kitti --report=r.html --j
     wrong "${option%%=*}: not yet available" replay r $option
 done
 wrong 'not yet available' scan --serve
-wrong 'not yet available' simulate room r --sensor=tof
+wrong 'not yet available' simulate room r --texture=low
 wrong 'not yet available' calibrate r --color
 
 "$fathom" replay -- -folder >out 2>err
