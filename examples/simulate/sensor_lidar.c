@@ -1,14 +1,14 @@
 /* A phone's LiDAR as its depth maps come out. It times 24 x 24 laser dots (Luetzenburg, Kroon, Bjork 2021, "Evaluation
  * of the Apple iPhone 12 Pro LiDAR for an application in geosciences", Scientific Reports 11, 22221), and a picture
- * guides what fills the 256 x 192 pixels between them, 60 times a second, each with a confidence of 0 to 2. No paper
- * gives the errors of these maps; the figures here are fitted to a recording of an office (tests/unit/examples/
- * test_lidar.c compares the two):
- *   - there is depth everywhere; an edge is smeared over 1 to 15 pixels, in stretches along it, and the more the
- *     weaker the step is; relief lower than a tenth of the depth is lost between the dots;
- *   - the error is smooth over some ten pixels, grows in proportion to the depth, and is redrawn from frame to frame,
- *     within a fifteenth of a second, and more slowly: flicker. Surfaces that are seen face on hardly flicker, others as
- *     the square of the incidence angle's sine, as if the dots were not where they are thought to be. A part of it is
- *     common to the whole frame;
+ * guides what fills the 256 x 192 pixels between them, 60 times a second, each with a confidence of 0 to 2 (Apple's
+ * documentation of ARDepthData). No paper gives the errors of these maps; the figures here are fitted to a recording of
+ * an office, and tests/unit/examples/test_lidar.c compares the two:
+ *   - there is depth everywhere; an edge is smeared over 0 to 20 pixels, in stretches along it, and the more the weaker
+ *     the step is; relief lower than a fifth of the depth gets lost between the dots;
+ *   - the error is smooth over some ten pixels, grows about in proportion to the depth, and changes from frame to frame,
+ *     within a fifteenth of a second, and more slowly: flicker. Surfaces that are seen nearly face on hardly flicker,
+ *     those at 50 degrees or more do, as if the dots were not where they are thought to be. A small part is common to
+ *     the whole frame;
  *   - depth is held in 16-bit floats, whose steps are 1 mm from 1 m on, 2 mm from 2 m on, 4 mm from 4 m on;
  *   - confidence falls towards the border of the picture, near steps of depth, beyond some four metres, and where a
  *     surface is grazed. */
@@ -30,12 +30,12 @@
 #define FAINT                                                                                                \
     0.12 /* a step, relative to the depth: the picture shows nothing of it, and all of one twice as high */
 
-/* Relative errors, common to the frame, of a surface face on, and what the latter grows by to a grazed one; they change
- * within so many seconds, 0: with each frame. */
+/* Relative errors at 2 m: what is common to the frame, what a surface has anyway, what a slanted one has besides. They
+ * change within so many seconds; 0: with each frame. */
 static const struct {
     double seconds, common, facing, slanted;
 } flickers[] = {
-    {0.0, 0.0002, 0.0003, 0.0042}, {1.0 / 15.0, 0.0003, 0.0006, 0.0050}, {0.5, 0.0020, 0.0015, 0.0060}};
+    {0.0, 0.0002, 0.0003, 0.0032}, {1.0 / 15.0, 0.0003, 0.0005, 0.0020}, {0.5, 0.0020, 0.0012, 0.0042}};
 #define FLICKERS 3
 
 enum { STREAM_COMMON, STREAM_FINE = 3, STREAM_COARSE = 6, STREAM_SMEAR = 9, STREAM_DOUBT };
@@ -80,8 +80,8 @@ static double faintness(double step) {
 /* How many pixels a step takes, from a normal number. */
 static double width_of(double step, double normal) {
     const double share = 0.5 * erfc(-normal * 0.7071067811865476); /* uniform in 0..1 */
-    const double usual = share < 0.22 ? 0.0 : share < 0.5 ? 1.0 : 1.0 + 14.0 * pow(2.0 * share - 1.0, 1.6);
-    return fmin(fmax(usual * fmin(0.75 / sqrt(step), 1.8), DOTS_PX * faintness(step)), WIDEST_PX);
+    const double usual = share < 0.2 ? 0.0 : share < 0.4 ? 1.0 : 1.0 + 22.0 * pow((share - 0.4) / 0.6, 1.5);
+    return fmin(fmax(usual * fmin(0.85 / step, 1.6), DOTS_PX * faintness(step)), WIDEST_PX);
 }
 
 static bool smear(const struct lidar *l) {
@@ -107,6 +107,12 @@ static bool smear(const struct lidar *l) {
 
 /* ---- Flicker ---- */
 
+/* 0 for a surface seen within 23 degrees of face on, 1 beyond 54. */
+static double slantness(double cosine) {
+    const double s = fmin(fmax((1.0 - cosine * cosine - 0.15) / 0.5, 0.0), 1.0);
+    return s * s * (3.0 - 2.0 * s);
+}
+
 /* Into noise: each pixel's relative error. */
 static bool flicker(const struct lidar *l) {
     memset(l->noise, 0, l->count * sizeof *l->noise);
@@ -121,8 +127,10 @@ static bool flicker(const struct lidar *l) {
             !add_noise(l, l->scratch, 48.0, age, sqrt(0.2), STREAM_COARSE + k))
             return false;
         for (size_t i = 0; i < l->count; i++) {
-            const double cosine = l->frame->cosine[i], slant = flickers[k].slanted * (1.0 - cosine * cosine);
-            l->noise[i] += (float)(common + hypot(flickers[k].facing, slant) * l->scratch[i]);
+            const double z = fmax(l->frame->depth[i], 0.3), slant = slantness(l->frame->cosine[i]);
+            const double scale = hypot(flickers[k].facing * (0.9 + 0.6 / z),
+                                       flickers[k].slanted * slant * (0.8 + 0.1 * z) / fmin(z, 1.0));
+            l->noise[i] += (float)(common + scale * l->scratch[i]);
         }
     }
     return true;

@@ -26,7 +26,7 @@ double smooth_noise_at(double age, uint64_t key) {
     return t.here * random_normal(key, (uint64_t)t.from) + t.after * random_normal(key, (uint64_t)t.from + 1);
 }
 
-/* The lattice at its time: column first, so that a picture of another size has other noise beyond its own pixels only. */
+/* The lattice at its time. A node's number depends on its own place only, not on the picture's size. */
 static void make_nodes(float *nodes, int columns, int rows, double age, uint64_t key) {
     const struct step t = step_at(age);
     for (int y = 0; y < rows; y++)
