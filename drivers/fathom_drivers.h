@@ -314,9 +314,8 @@ FATHOM_API int fathom_source_configure(fathom_source *source, fathom_config *con
  *     fathom_sink_write_imu(sink, samples, count);
  *     if (fathom_sink_close(sink)) ...                         // something couldn't be written
  *
- * A folder grows as it is written, and can be read whenever the writing stops (a kill, a full disk): depth.txt,
- * confidence.txt and rgb.txt name only complete files, and every text file ends with a whole line. At most half a second of samples waits
- * in memory.
+ * A folder grows as it is written, and can be read whenever the writing stops (a kill, a full disk): its lists name only
+ * complete files, and every text file ends with a whole line. At most half a second of samples waits in memory.
  *
  * Errors: FATHOM_ERROR_WRITE, with the file and the system's reason in the log and in fathom_sink_last_error. Data
  * written before stays whole and counted, and other kinds can still be written; fathom_sink_close returns the first
@@ -367,8 +366,7 @@ FATHOM_API int fathom_sink_open(fathom_sink **sink, const char *uri, const fatho
 /* calibration.txt and rig.txt; a later call replaces them. */
 FATHOM_API int fathom_sink_write_rig(fathom_sink *sink, const fathom_sink_rig *rig);
 
-/* A depth frame, as a 16-bit PNG named by its stamp, and its confidence, where it has one, as an 8-bit PNG
- * (confidence.txt). Its image isn't written. */
+/* A depth frame and its confidence, if any (confidence.txt), as PNGs of 16 and 8 bits. Its image isn't written. */
 FATHOM_API int fathom_sink_write_depth(fathom_sink *sink, const fathom_depth_frame *frame);
 
 /* A colour image (rgb.txt). FATHOM_ERROR_UNSUPPORTED for formats other than FATHOM_IMAGE_RGB8. */

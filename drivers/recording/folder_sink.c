@@ -22,7 +22,7 @@ typedef struct {
     struct line_file imu;                              /* the sample thread's */
     int64_t imu_head;                                  /* lines of imu.txt that are no samples */
     int64_t pictures;                                  /* bytes of PNG files */
-    bool incomplete;                                   /* the log has the message about samples without a sensor */
+    bool incomplete; /* the log has the message about samples without a sensor */
 } folder_sink;
 
 static folder_sink *of(fathom_sink *sink) {
@@ -213,7 +213,8 @@ static int write_depth(fathom_sink *sink, const fathom_depth_frame *frame) {
                                      .kind = IMAGE_GRAY8};
     int result = FATHOM_OK;
     if (frame->confidence)
-        result = write_picture(s, &s->confidence, "confidence.txt", "confidence", frame->timestamp_ns, &confidence);
+        result = write_picture(s, &s->confidence, "confidence.txt", "confidence", frame->timestamp_ns,
+                               &confidence);
     if (!result) result = write_picture(s, &s->depth, "depth.txt", "depth", frame->timestamp_ns, &depth);
     if (!result) count_frame(s, &sink->status.frames, frame->timestamp_ns);
     return result;
@@ -238,8 +239,7 @@ static int write_pose(fathom_sink *sink, int64_t timestamp_ns, const fathom_pose
     folder_sink *s = of(sink);
     char stamp[32];
     const double *p = pose->position, *q = pose->orientation;
-    const int result =
-        need(s, &s->poses, "groundtruth.txt", "t[s] tx ty tz qx qy qz qw, camera to world");
+    const int result = need(s, &s->poses, "groundtruth.txt", "t[s] tx ty tz qx qy qz qw, camera to world");
     if (result) return result;
     if (!line_file_add(&s->poses, "%s %.9f %.9f %.9f %.10f %.10f %.10f %.10f\n",
                        stamp_text(stamp, timestamp_ns, 1), p[0], p[1], p[2], q[0], q[1], q[2], q[3]) ||

@@ -155,8 +155,8 @@ static int write_rows(struct png_job *job, const image_pixels *picture) {
     png_init_io(job->png, job->file);
     png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height,
                  picture->kind == IMAGE_GRAY16 ? 16 : 8,
-                 picture->kind == IMAGE_RGB8 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY,
-                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+                 picture->kind == IMAGE_RGB8 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     /* Level 1 with the one filter that suits smooth depth: libpng's own choice of filters costs five times as
      * long for files that are a few per cent smaller. */
     png_set_compression_level(job->png, 1);

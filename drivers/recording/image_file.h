@@ -2,7 +2,6 @@
 #ifndef FATHOM_IMAGE_FILE_H
 #define FATHOM_IMAGE_FILE_H
 
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 

@@ -7,6 +7,9 @@
  * pixels. Time-of-flight cameras lose the pixels that an edge passes over, too ("Probabilistic modeling of
  * motion blur for time-of-flight sensors", Sensors 22, 1182, 2022).
  *
+ * The other sensors are treated alike, without shadow. They match no pattern: the same step of 1 / z stands in for
+ * theirs, of which no source gives the size.
+ *
  * The Kinect's cameras read row by row, and its depth maps are sheared by that (Ringaby and Forssen 2011, "Scan
  * rectification for structured light range sensors with rolling shutters", ICCV). */
 #include "simulate/exposure.h"

@@ -5,8 +5,8 @@
  * an office, and tests/unit/examples/test_lidar.c compares the two:
  *   - there is depth everywhere; an edge is smeared over 0 to 20 pixels, in stretches along it, and the more the weaker
  *     the step is; relief lower than a fifth of the depth gets lost between the dots;
- *   - the error is smooth over some ten pixels, grows about in proportion to the depth, and changes from frame to frame,
- *     within a fifteenth of a second, and more slowly: flicker. Surfaces that are seen nearly face on hardly flicker,
+ *   - the error is smooth over some ten pixels, grows about in proportion to the depth, and changes from frame to
+ *     frame, within a fifteenth of a second, and more slowly: flicker. Surfaces that are seen nearly face on hardly flicker,
  *     those at 50 degrees or more do, as if the dots were not where they are thought to be. A small part is common to
  *     the whole frame;
  *   - depth is held in 16-bit floats, whose steps are 1 mm from 1 m on, 2 mm from 2 m on, 4 mm from 4 m on;
