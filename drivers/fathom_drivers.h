@@ -314,8 +314,8 @@ FATHOM_API int fathom_source_configure(fathom_source *source, fathom_config *con
  *     fathom_sink_write_imu(sink, samples, count);
  *     if (fathom_sink_close(sink)) ...                         // something couldn't be written
  *
- * A folder grows as it is written, and can be read whenever the writing stops (a kill, a full disk): its lists name only
- * complete files, and every text file ends with a whole line. At most half a second of samples waits in memory.
+ * A folder grows as it is written, and can be read whenever the writing stops (a kill, a full disk): its lists name
+ * only complete files, and every text file ends with a whole line. At most half a second of samples waits in memory.
  *
  * Errors: FATHOM_ERROR_WRITE, with the file and the system's reason in the log and in fathom_sink_last_error. Data
  * written before stays whole and counted, and other kinds can still be written; fathom_sink_close returns the first

@@ -1,14 +1,14 @@
-/* A phone's LiDAR as its depth maps come out. It times 24 x 24 laser dots (Luetzenburg, Kroon, Bjork 2021, "Evaluation
- * of the Apple iPhone 12 Pro LiDAR for an application in geosciences", Scientific Reports 11, 22221), and a picture
- * guides what fills the 256 x 192 pixels between them, 60 times a second, each with a confidence of 0 to 2 (Apple's
- * documentation of ARDepthData). No paper gives the errors of these maps; the figures here are fitted to a recording of
- * an office, and tests/unit/examples/test_lidar.c compares the two:
- *   - there is depth everywhere; an edge is smeared over 0 to 20 pixels, in stretches along it, and the more the weaker
- *     the step is; relief lower than a fifth of the depth gets lost between the dots;
+/* A phone's LiDAR as its depth maps come out. It times 24 x 24 laser dots (Luetzenburg, Kroon, Bjork 2021,
+ * "Evaluation of the Apple iPhone 12 Pro LiDAR for an application in geosciences", Scientific Reports 11, 22221), and
+ * a picture guides what fills the 256 x 192 pixels between them, 60 times a second, each with a confidence of 0 to 2
+ * (Apple's documentation of ARDepthData). No paper gives the errors of these maps; the figures here are fitted to a
+ * recording of an office, and tests/unit/examples/test_lidar.c compares the two:
+ *   - there is depth everywhere; an edge is smeared over 0 to 20 pixels, in stretches along it, and the more the
+ *     weaker the step is; relief lower than an eighth of the depth gets lost between the dots;
  *   - the error is smooth over some ten pixels, grows about in proportion to the depth, and changes from frame to
- *     frame, within a fifteenth of a second, and more slowly: flicker. Surfaces that are seen nearly face on hardly flicker,
- *     those at 50 degrees or more do, as if the dots were not where they are thought to be. A small part is common to
- *     the whole frame;
+ *     frame, within a fifteenth of a second, and more slowly: flicker. Surfaces that are seen nearly face on hardly
+ *     flicker, those at 50 degrees or more do, as if the dots were not where they are thought to be. A small part is
+ *     common to the whole frame;
  *   - depth is held in 16-bit floats, whose steps are 1 mm from 1 m on, 2 mm from 2 m on, 4 mm from 4 m on;
  *   - confidence falls towards the border of the picture, near steps of depth, beyond some four metres, and where a
  *     surface is grazed. */
@@ -22,13 +22,13 @@
 #include "simulate/smooth_noise.h"
 #include "simulate/window.h"
 
+/* A step of depth, relative to the near side: a picture shows nothing of it, and all of one twice as high. */
+#define FAINT 0.12
 #define NEAREST_M 0.2     /* nearer, the confidence is low */
 #define LEAST_M 0.05      /* nearer, there is no depth */
 #define DOTS_PX 10.0      /* from one dot to the next */
 #define WIDEST_PX 20.0    /* of a smeared step */
 #define STEP_REACH_PX 8.0 /* steps are looked for this near */
-#define FAINT                                                                                                \
-    0.12 /* a step, relative to the depth: the picture shows nothing of it, and all of one twice as high */
 
 /* Relative errors at 2 m: what is common to the frame, what a surface has anyway, what a slanted one has besides. They
  * change within so many seconds; 0: with each frame. */

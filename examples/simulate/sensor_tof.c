@@ -1,18 +1,18 @@
-/* A time-of-flight camera that measures the phase of modulated light, of a Kinect v2's kind: 512 x 424 pixels, 70 by 60
- * degrees, 30 a second. Its errors, along the ray:
- *   - noise: sigma is in proportion to sqrt(B) / A, A being the amplitude that comes back and B all the light (Lange and
- *     Seitz 2001, "Solid-state time-of-flight range camera", IEEE Journal of Quantum Electronics 37). A falls with the
- *     square of the range, with the angle of incidence and towards the picture's corners. Sigma is 1.5 mm at 1 m and 8 mm
- *     at 4.5 m for a wall that is faced (Corti, Giancola, Mainetti, Sala 2016, "A metrological characterization of the
- *     Kinect V2 time-of-flight camera", Robotics and Autonomous Systems 75: from 1.5 mm to tens, growing with the depth
- *     and away from the middle; Fankhauser and others 2015, "Kinect v2 for mobile robot navigation", ICAR: with the angle
- *     of the surface). What returns too little light has no depth;
+/* A time-of-flight camera that measures the phase of modulated light, of a Kinect v2's kind: 512 x 424 pixels, 70 by
+ * 60 degrees, 30 a second. Its errors, along the ray:
+ *   - noise: sigma is in proportion to sqrt(B) / A, A being the amplitude that comes back and B all the light (Lange
+ *     and Seitz 2001, "Solid-state time-of-flight range camera", IEEE Journal of Quantum Electronics 37). A falls
+ *     with the square of the range, with the angle of incidence and towards the picture's corners. Sigma is 1.5 mm at
+ *     1 m and 8 mm at 4.5 m for a wall that is faced (Corti, Giancola, Mainetti, Sala 2016, "A metrological
+ *     characterization of the Kinect V2 time-of-flight camera", Robotics and Autonomous Systems 75: from 1.5 mm to
+ *     tens, growing with the depth and away from the middle; Fankhauser and others 2015, "Kinect v2 for mobile robot
+ *     navigation", ICAR: with the angle of the surface). What returns too little light has no depth;
  *   - wiggling: a harmonic error of some millimetres in the range, since the modulation is no pure sine (Corti and
- *     others; Sarbolandi, Lefloch, Kolb 2015, "Kinect range sensing: structured-light versus time-of-flight Kinect", CVIU
- *     139). Four phases leave the fourth harmonic, here of 16 and 80 MHz; the curve is no one camera's;
+ *     others; Sarbolandi, Lefloch, Kolb 2015, "Kinect range sensing: structured-light versus time-of-flight Kinect",
+ *     CVIU 139). Four phases leave the fourth harmonic, here of 16 and 80 MHz; the curve is no one camera's;
  *   - multipath: concave places read too far (the same authors; multipath.c);
- *   - flying pixels: where an edge passes through a pixel, its light is a mixture (Sarbolandi and others). The camera's
- *     software recognises some of them and drops them. */
+ *   - flying pixels: where an edge passes through a pixel, its light is a mixture (Sarbolandi and others). The
+ *     camera's software recognises some of them and drops them. */
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>

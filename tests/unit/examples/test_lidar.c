@@ -130,8 +130,8 @@ static void walk(enum scene_kind kind, uint64_t seed, int step) {
     scene_free(&scene);
 }
 
-/* No room here has a bare wall to face at 3 to 4 m, as the recording has. It adds to flicker only: second differences of
- * nothing but bare wall are no room's. */
+/* No room here has a bare wall to face at 3 to 4 m, as the recording has. It adds to flicker only: second differences
+ * of nothing but bare wall are no room's. */
 static void face_wall(double z) {
     const struct scene scene = {.low = {-20.0, -20.0, -1.0}, .high = {20.0, 20.0, z}};
     for (long frame = 0; frame < 120; frame += 20) {
