@@ -1,8 +1,9 @@
-/* One bounce between matt patches, as a depth image shows them (Fuchs 2010, "Multipath interference compensation in
- * time-of-flight camera images", ICPR): the camera's light lights patch Q, which lights patch P, which the camera
- * sees in P's direction. What that adds to the direct light at P has gone (|Q| + |PQ| - |P|) / 2 farther. The two are
- * summed as phasors of the modulation. Walls that meet in a corner read too far by a centimetre or two, and a surface
- * that faces no other reads true. What the camera doesn't see lights nothing here. */
+/* One bounce between matt patches, as a depth image shows them (Jimenez, Pizarro, Mazo, Palazuelos 2014, "Modeling
+ * and correction of multipath interference in time of flight cameras", Image and Vision Computing 32): the camera's
+ * light lights patch Q, which lights patch P, which the camera sees in P's direction. What that adds to the direct
+ * light at P has gone (|Q| + |PQ| - |P|) / 2 farther. The two are summed as phasors of the modulation. Walls that
+ * meet in a corner read too far by a centimetre or two, and a surface that faces no other reads true. What the camera
+ * doesn't see lights nothing here. */
 #include "simulate/multipath.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* A phone's LiDAR as its depth maps come out. It times 24 x 24 laser dots (Luetzenburg, Kroon, Bjork 2021,
+/* A phone's LiDAR as its depth maps come out. It times some hundreds of laser dots (Luetzenburg, Kroon, Bjork 2021,
  * "Evaluation of the Apple iPhone 12 Pro LiDAR for an application in geosciences", Scientific Reports 11, 22221), and
  * a picture guides what fills the 256 x 192 pixels between them, 60 times a second, each with a confidence of 0 to 2
  * (Apple's documentation of ARDepthData). No paper gives the errors of these maps; the figures here are fitted to a
@@ -31,7 +31,8 @@
 #define STEP_REACH_PX 8.0 /* steps are looked for this near */
 
 /* Relative errors at 2 m: what is common to the frame, what a surface has anyway, what a slanted one has besides. They
- * change within so many seconds; 0: with each frame. */
+ * change within so many seconds; 0: with each frame. The slow common part is the most it can be: the recording's poses,
+ * which drift too, don't tell it from their own error. */
 static const struct {
     double seconds, common, facing, slanted;
 } flickers[] = {
