@@ -83,8 +83,8 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
         for (int i = 0; i < budget[level]; i++) {
             normal_equations e;
             solution s;
-            solve_prior prior = {
-                .max_condition = c->max_condition, .correlated = CORRELATED_PAIRS, .shared_m = a->shared_m};
+            solve_prior prior = {.max_condition = c->max_condition, .correlated = CORRELATED_PAIRS,
+                                 .max_sigma_m = c->max_sigma_m, .shared_m = a->shared_m};
             align_reduce(a, d, maps, level, &result->motion, &model[level], &maps->camera[level],
                          pair_distance(a, level, sigma), c->huber_m, centre, &e);
             result->iterations++;
@@ -114,6 +114,9 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             if (held) {
                 information_to_scan(&result->motion, s.information, result->information);
                 pull_to_scan(&result->motion, s.pull, result->pull);
+                twist_to_scan(&result->motion, s.weakest, result->weakest);
+                result->weakest_sigma_m = s.weakest_sigma_m;
+                result->observed = s.observed;
             } else {
                 covariance_invert(result->covariance, result->information);
             }

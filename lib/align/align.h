@@ -26,6 +26,8 @@ typedef struct {
     double information[36]; /* inverse covariance from the pairs alone: zero in directions that they leave free */
     double pull[6];         /* that information times the twist from motion to the optimum of the pairs alone */
     double shared_m;        /* solution.shared_m */
+    int observed;           /* solution.observed, and the direction that is determined least, in the scan camera's axes */
+    double weakest[6], weakest_sigma_m;
 } alignment;
 
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);

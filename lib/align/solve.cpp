@@ -74,6 +74,14 @@ static double shared_variance(const normal_equations *e, const Matrix6 &scaled, 
     return observed > 0 ? sum / observed * SOLVE_BANDS / (SOLVE_BANDS - 1) : 0;
 }
 
+/* Which directions the pairs' information determines. */
+static void observe(const Matrix6 &own, const Matrix6 &to_origin, double max_sigma_m, solution *s) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(own); /* smallest first */
+    for (int i = 0; i < 6; i++) s->observed += eigen.eigenvalues()[i] * max_sigma_m * max_sigma_m > 1;
+    Eigen::Map<Vector6>(s->weakest) = to_origin * eigen.eigenvectors().col(0);
+    s->weakest_sigma_m = 1 / std::sqrt(std::max(eigen.eigenvalues()[0], 1.0));
+}
+
 /* The information of a measurement whose error has `variance` more in each direction: (Y^-1 + variance)^-1. */
 static Matrix6 widened(const Matrix6 &y, double variance, Vector6 *right) {
     const Eigen::PartialPivLU<Eigen::Matrix<double, 6, 6>> more(Matrix6::Identity() + variance * y);
@@ -137,6 +145,7 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
         }
         const double lasting = SHARED_IN_TIME * std::max(prior->shared_m, s->shared_m);
         own = widened(own, lasting * lasting, &own_right);
+        observe(own, to_origin, prior->max_sigma_m, s);
         joint += own;
         right += own_right;
         Matrix6 from_origin = to_origin.inverse();

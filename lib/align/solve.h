@@ -39,6 +39,10 @@ typedef struct {
     /* sigma of the error that pixels share, as these pairs show it: of the translation, and of the rotation about the
      * pairs' centroid times their spread. 0: unknown */
     double shared_m;
+    /* with a prior: the number of directions that the pairs alone determine to max_sigma_m, the one that they determine
+     * least, of length 1 where rotations are about the centroid and times the spread, and its sigma, 1 m at most */
+    int observed;
+    double weakest[6], weakest_sigma_m;
 } solution;
 
 /* Adds one strip's sums, as the kernel wrote them, in double precision; band: 0..SOLVE_BANDS-1. */
@@ -52,6 +56,7 @@ typedef struct {
      * much comes from the noise of the normals alone */
     double max_condition;
     double correlated; /* number of pairs that count as one independent measurement beside the prior */
+    double max_sigma_m; /* of an observed direction */
     double shared_m;   /* minimum of the error that pixels share: solution.shared_m of earlier frames */
 } solve_prior;
 
