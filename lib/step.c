@@ -75,7 +75,8 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
 }
 
 static void report(fathom *f, fathom_result *r) {
-    span_add(&f->span, &f->pose, f->covariance, r->state <= FATHOM_TRACKED, r->timestamp_ns);
+    span_add(&f->span, &f->pose, f->covariance, r->state <= FATHOM_TRACKED, f->tracker.aligner.shared_m,
+             r->timestamp_ns);
     r->pose = pose_give(&f->pose);
     memcpy(r->pose_covariance, f->covariance, sizeof r->pose_covariance);
     r->odometry = pose_give(&f->odometry.at);

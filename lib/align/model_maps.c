@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#define PAIRS_LEFT 0.9      /* fraction of the pairs that new maps had */
+#define PAIRS_LEFT 0.9 /* fraction of the pairs that new maps had */
 /* fraction of max_condition: beyond it the pose depends on pairs at the rim, which change first */
 #define CONDITION_PART 0.5
 

@@ -35,7 +35,8 @@ typedef struct {
     double covariance[36];
     /* of twist, from the pairs alone, in true units, without the share due to noise; zero without a prior */
     double information[36];
-    double pull[6]; /* that information times the correction of twist that the pairs alone would add to the solution */
+    double pull
+        [6]; /* that information times the correction of twist that the pairs alone would add to the solution */
     /* sigma of the error that pixels share, as these pairs show it: of the translation, and of the rotation about the
      * pairs' centroid times their spread. 0: unknown */
     double shared_m;
@@ -55,9 +56,9 @@ typedef struct {
     /* directions of A with a singular value below largest / max_condition carry no information: on a bare wall that
      * much comes from the noise of the normals alone */
     double max_condition;
-    double correlated; /* number of pairs that count as one independent measurement beside the prior */
+    double correlated;  /* number of pairs that count as one independent measurement beside the prior */
     double max_sigma_m; /* of an observed direction */
-    double shared_m;   /* minimum of the error that pixels share: solution.shared_m of earlier frames */
+    double shared_m;    /* minimum of the error that pixels share: solution.shared_m of earlier frames */
 } solve_prior;
 
 /* Solves by singular value decomposition. Without a prior (NULL), directions whose singular value is below 1e-6 of the

@@ -4,11 +4,16 @@
 
 #include "base/covariance.h"
 #include "base/stamps.h"
-#include "tracking/odometry.h"
 
 #define SPAN_S 1.0
 #define SPAN_FRAMES 144 /* a second and more of frames that are ... */
 #define APART_S 0.0075  /* ... further apart than this; of those that aren't, the first is kept */
+
+/* As the camera moves on, surface that was fused at a pose with an error is what the next poses are aligned with: the map
+ * drifts by so many times the error that pixels share, over a metre of way or a radian of turning. Found by the normalised
+ * error of simulated sensors and of recordings (docs/RESULTS.md); turning per metre of it. */
+#define DRIFT_OF_SHARED 18.0
+#define DRIFT_TURN 0.5 /* rad/m */
 
 void span_init(span *s, arena *a) {
     memset(s, 0, sizeof *s);
@@ -24,19 +29,27 @@ static const span_frame *frame_at(const span *s, int64_t i) {
     return &s->frames[i % SPAN_FRAMES];
 }
 
-void span_add(span *s, const pose *at, const double covariance[36], bool tracked, int64_t timestamp_ns) {
+void span_add(span *s, const pose *at, const double covariance[36], bool tracked, double shared_m,
+              int64_t timestamp_ns) {
+    if (s->count > 0) {
+        const pose way = pose_between(&s->now.at, at);
+        const double each = DRIFT_OF_SHARED * shared_m;
+        s->now.drift += each * each * (pose_distance(&way) + pose_angle(&way));
+    }
     s->now.timestamp_ns = timestamp_ns;
     s->now.at = *at;
     s->now.tracked += tracked;
     memcpy(s->now.covariance, covariance, sizeof s->now.covariance);
-    if (s->count > 0 && seconds_between(frame_at(s, s->count - 1)->timestamp_ns, timestamp_ns) < APART_S) return;
+    if (s->count > 0 && seconds_between(frame_at(s, s->count - 1)->timestamp_ns, timestamp_ns) < APART_S)
+        return;
     s->frames[s->count++ % SPAN_FRAMES] = s->now;
 }
 
 static const span_frame *start_of(const span *s) {
     const int64_t oldest = s->count > SPAN_FRAMES ? s->count - SPAN_FRAMES : 0;
     int64_t i = s->count - 1;
-    while (i > oldest && seconds_between(frame_at(s, i)->timestamp_ns, s->now.timestamp_ns) < SPAN_S - 1e-6) i--;
+    while (i > oldest && seconds_between(frame_at(s, i)->timestamp_ns, s->now.timestamp_ns) < SPAN_S - 1e-6)
+        i--;
     return frame_at(s, i);
 }
 
@@ -45,15 +58,14 @@ static const span_frame *start_of(const span *s) {
  * reckoning led from the one to the other, the later error contains the earlier one. */
 static void relate(const span_frame *from, const span_frame *to, const pose *motion, double out[36]) {
     const pose back = pose_inverse(motion);
-    const double seconds = seconds_between(from->timestamp_ns, to->timestamp_ns);
+    const double drift = to->drift - from->drift;
     double adjoint[36], carried[36];
     bool contained = from->tracked == to->tracked;
     pose_adjoint(&back, adjoint);
     covariance_transport(adjoint, from->covariance, carried);
     for (int i = 0; i < 6; i++) contained = contained && to->covariance[7 * i] > carried[7 * i];
     for (int i = 0; i < 36; i++) out[i] = to->covariance[i] + (contained ? -carried[i] : carried[i]);
-    for (int i = 0; i < 6; i++)
-        out[7 * i] += seconds * (i < 3 ? DRIFT_RAD * DRIFT_RAD : DRIFT_M * DRIFT_M);
+    for (int i = 0; i < 6; i++) out[7 * i] += drift * (i < 3 ? DRIFT_TURN * DRIFT_TURN : 1);
 }
 
 bool span_get(const span *s, span_motion *out) {

@@ -14,6 +14,7 @@ typedef struct {
     pose at;               /* camera to world, in the map */
     double covariance[36]; /* at * exp(error) */
     int64_t tracked;       /* number of tracked frames up to it */
+    double drift;          /* variance by which the map has drifted up to it, m^2 */
 } span_frame;
 
 typedef struct {
@@ -31,8 +32,9 @@ typedef struct {
 void span_init(span *s, arena *a);
 void span_reset(span *s);
 
-/* Takes a frame's pose in the map; tracked: by alignment. */
-void span_add(span *s, const pose *at, const double covariance[36], bool tracked, int64_t timestamp_ns);
+/* Takes a frame's pose in the map; tracked: by alignment, whose pixels share an error of shared_m. */
+void span_add(span *s, const pose *at, const double covariance[36], bool tracked, double shared_m,
+              int64_t timestamp_ns);
 
 /* False before the first frame. Before the first second is over: the motion since the first frame. */
 bool span_get(const span *s, span_motion *out);

@@ -35,8 +35,7 @@ void outputs_finish(struct outputs *outputs, fathom *scan, struct cli_log *log) 
     if (!trajectory_close(&outputs->trajectory)) outputs->failed = true;
     if (!trajectory_close(&outputs->odometry)) outputs->failed = true;
     if (!stats_close(&outputs->stats)) outputs->failed = true;
-    if (outputs->mesh_file && !ply_write_surface(scan, outputs->mesh_file, log))
-        outputs->failed = true;
+    if (outputs->mesh_file && !ply_write_surface(scan, outputs->mesh_file, log)) outputs->failed = true;
     if (!block_store_report(&outputs->dropped, scan)) outputs->failed = true;
 }
 

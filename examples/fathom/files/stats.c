@@ -22,7 +22,8 @@ bool stats_open(struct stats *stats, const char *path) {
     fputs("t,state,iterations,pairs,rms_m,weight,condition,prior_rotation_deg,prior_translation_m,"
           "blocks,ms_maps,ms_align,ms_fuse,ms_raycast,ms_total,"
           "sigma_x_m,sigma_y_m,sigma_z_m,sigma_rx_deg,sigma_ry_deg,sigma_rz_deg,observed,"
-          "span_s,span_sigma_x_m,span_sigma_y_m,span_sigma_z_m,span_sigma_rx_deg,span_sigma_ry_deg,span_sigma_rz_deg\n",
+          "span_s,span_sigma_x_m,span_sigma_y_m,span_sigma_z_m,span_sigma_rx_deg,span_sigma_ry_deg,span_"
+          "sigma_rz_deg\n",
           stats->file);
     return !fflush(stats->file) || fail(stats);
 }

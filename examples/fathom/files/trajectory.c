@@ -25,8 +25,7 @@ bool trajectory_add(struct trajectory *trajectory, int64_t timestamp_ns, const f
     const bool negative = timestamp_ns < 0;
     const int64_t us = ((negative ? -timestamp_ns : timestamp_ns) + 500) / 1000;
     fprintf(trajectory->file, "%s%" PRId64 ".%06" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
-            negative && us ? "-" : "", us / 1000000, us % 1000000, p[0], p[1], p[2], q[0], q[1], q[2],
-            q[3]);
+            negative && us ? "-" : "", us / 1000000, us % 1000000, p[0], p[1], p[2], q[0], q[1], q[2], q[3]);
     if (fflush(trajectory->file)) return fail(trajectory);
     return true;
 }

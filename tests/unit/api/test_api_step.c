@@ -79,6 +79,14 @@ static void poses_follow_the_truth_from_the_first_pose_on(void **state) {
                 for (int k = 1; k < 6; k++) assert_true(r.singular_values[k] <= r.singular_values[k - 1]);
                 for (int k = 0; k < 6; k++) assert_true(r.pose_covariance[7 * k] > 0);
             }
+            fathom_span span = FATHOM_STRUCT(fathom_span);
+            assert_int_equal(fathom_get_span(s.scan, &span), FATHOM_OK);
+            assert_true(span.to_ns == frames[i].timestamp_ns && span.from_ns == frames[0].timestamp_ns);
+            assert_same_pose(span.motion, r.pose); /* since the first frame, at the origin: less than a second ago */
+            for (int k = 0; k < 6; k++) assert_true(i == 0 || span.covariance[7 * k] > 0);
+            assert_int_equal(r.observed_directions, i == 0 ? 0 : 6);
+            assert_true(i == 0 || (r.shared_error_m > 1e-6f && r.shared_error_m < 0.005f));
+            assert_true(i == 0 || (r.weakest_sigma_m > r.shared_error_m && r.weakest_sigma_m < c.max_sigma_m));
             if (i > 2) assert_true(r.seeded && r.iterations <= 4 && r.innovation_sigmas < 3);
             assert_int_equal(fathom_get_pose(s.scan, &at, covariance), FATHOM_OK);
             assert_memory_equal(&at, &r.pose, sizeof at);
