@@ -1,0 +1,227 @@
+#!/usr/bin/env python3
+"""Judges a build of fathom over many recordings: the runs of tests/judge/runs, one table, and what differs from the recorded one.
+
+Recordings are those of ../shared/data that are there, simulated and rendered ones, which are kept. A case's error is the median of
+its starts. window: the largest error of motion over 1 s among windows that are tracked from end to end (the median of the starts;
+worst: the largest). wrong: frames that were fused although they lie more than 3 cm or 2 degrees wrong relative to the one fused
+before (on real recordings 10 cm, 5 degrees). nees: that error squared in units of what was reported, over its expectation;
+within_3: the share of windows within 3 sigma.
+Results are kept in BUILD/judge by build and run: what was broken off goes on where it stopped.
+Exit status: 0 done; 1 something got worse than recorded, or a run failed; 2 wrong usage; 130 Ctrl-C."""
+import argparse
+import os
+import re
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(os.path.dirname(HERE))
+sys.path.append(os.path.join(ROOT, "tests", "reproduce"))  # evaluate.py
+
+import listing  # noqa: E402
+import making  # noqa: E402
+import running  # noqa: E402
+import table  # noqa: E402
+from making import say  # noqa: E402
+
+
+def options():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("build", help="the build's folder")
+    parser.add_argument("--only", metavar="REGEX", help="runs whose name has it")
+    parser.add_argument("--short", action="store_true", help="those marked + only")
+    parser.add_argument("--data", metavar="FOLDER", help="recordings of one's own: a folder of them, or one")
+    parser.add_argument("--runs", metavar="FILE", default=os.path.join(HERE, "runs"))
+    parser.add_argument("--recordings", metavar="FILE", default=os.path.join(HERE, "recordings"))
+    parser.add_argument("--recorded", metavar="FILE", help="the table to compare with (default: tests/judge/recorded; none with --data)")
+    parser.add_argument("--record", action="store_true", help="write what was found into the recorded table")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N", help="replays at a time, one thread each (2)")
+    parser.add_argument("--each", action="store_true", help="a line of the table for each run, not for each case")
+    parser.add_argument("--list", action="store_true", help="say what would be run")
+    parser.add_argument("--tap", action="store_true", help="the outcome as TAP")
+    given = parser.parse_args()
+    if given.recorded is None and not given.data:
+        given.recorded = os.path.join(HERE, "recorded")
+    if given.record and not given.recorded:
+        parser.error("--record with --data wants a file: --recorded FILE")
+    return given
+
+
+def own_recordings(folder):
+    """Names of the recordings in a folder, and the folder they are in."""
+    folder = os.path.abspath(folder)
+    if making.is_recording(folder):
+        return os.path.dirname(folder), [os.path.basename(folder)]
+    names = [name for name in sorted(os.listdir(folder)) if making.is_recording(os.path.join(folder, name))] if os.path.isdir(folder) else []
+    if not names:
+        raise listing.Wrong(f"{folder}: no recording folder, and none in it")
+    return folder, names
+
+
+def chosen_runs(given):
+    """The runs, how each recording is had, and the folder of those of one's own."""
+    runs, how, own = listing.read_runs(given.runs), listing.read_recordings(given.recordings), None
+    if given.data:
+        own, names = own_recordings(given.data)
+        runs, how = listing.of_own(runs, names), {name: ["given", name] for name in names}
+    else:
+        runs = [run for run in runs if run.recording != listing.ANY]
+    for run in runs:
+        if run.recording not in how:
+            raise listing.Wrong(f"{given.runs}: {run.name}: no recording is called {run.recording}")
+    runs = [run for run in runs if (run.short or not given.short) and re.search(given.only or "", run.name)]
+    if not runs:
+        raise listing.Wrong("no run has such a name")
+    return runs, how, own
+
+
+class Progress:
+    """On a terminal one line that changes; else a line now and then."""
+
+    def __init__(self, count):
+        self.count, self.done, self.made = count, 0, 0
+        self.start = self.said = time.monotonic()
+        self.terminal, self.lock = sys.stderr.isatty(), threading.Lock()
+
+    def step(self, name, new):
+        with self.lock:
+            self.done += 1
+            self.made += new
+            now = time.monotonic()
+            if now - self.said < (0.2 if self.terminal else 30) and self.done < self.count:
+                return
+            self.said = now
+            spent = now - self.start
+            left = f", about {(self.count - self.done) * spent / self.made / 60:.0f} min left" if self.made > 9 else ""
+            text = f"judge: {self.done} of {self.count}, {spent:.0f} s{left}: {name}"
+            if self.terminal:
+                sys.stderr.write("\r" + text[:118].ljust(118) + ("\n" if self.done == self.count else ""))
+                sys.stderr.flush()
+            else:
+                print(text, file=sys.stderr, flush=True)
+
+
+def all_figures(runs, how, replays, jobs):
+    """Figures by run name; what was left out, by reason: names of runs. Stops at Ctrl-C, with what there is."""
+    found, absent, lock = {}, {}, threading.Lock()
+    progress = Progress(len(runs))
+
+    def one(run):
+        before = len(replays.results.known)
+        try:
+            found[run.name] = replays.figures(run, how[run.recording])
+        except making.Missing as error:
+            with lock:
+                absent.setdefault(f"{run.recording}: {error}", []).append(run.name)
+        except running.Stopped:
+            return
+        progress.step(run.name, len(replays.results.known) > before)
+
+    stopped = False
+    with ThreadPoolExecutor(jobs) as pool:
+        futures = [pool.submit(one, run) for run in runs]
+        try:
+            for future in futures:
+                future.result()
+        except KeyboardInterrupt:
+            stopped = True
+            for future in futures:
+                future.cancel()
+            replays.processes.stop()
+    return found, absent, stopped
+
+
+def in_cases(runs, found, each):
+    """Cases all of whose runs are there and didn't fail, as lines of the table; names of the others."""
+    by_case = {}
+    for run in runs:
+        by_case.setdefault(run.name if each else run.case, []).append(run)
+    whole, broken = [], []
+    for name, members in by_case.items():
+        if all("frames" in found.get(run.name, {}) for run in members):
+            whole.append(table.summed(name, [found[run.name] for run in members]))
+        else:
+            broken.append(name)
+    return whole, broken
+
+
+def write_record(path, cases, all_names):
+    """Rows of this time replace those of the same name; the order is that of the list; what isn't in the list goes."""
+    rows = table.read(path) if os.path.exists(path) else {}
+    rows.update({case["case"]: case for case in cases})
+    with open(path + ".part", "w") as file:
+        file.write("# make judge JUDGE=--record writes this; tests/judge/judge.py --help says what the columns are\n")
+        file.write("\n".join(table.text([rows[name] for name in all_names if name in rows])) + "\n")
+    os.replace(path + ".part", path)
+
+
+def report(given, runs, found, absent, cases):
+    """Says what there is, and what got worse."""
+    worse = []
+    if not given.tap:
+        shown = in_cases(runs, found, True)[0] if given.each else cases
+        print("\n".join(table.text(shown)))
+    before = table.read(given.recorded) if given.recorded and os.path.exists(given.recorded) else {}
+    pairs = [(case, before[case["case"]]) for case in cases if case["case"] in before]
+    said = []
+    for now, old in pairs:
+        for verdict, words in table.changes(now, old):
+            said.append((verdict, f"{now['case']}: {words}"))
+    said += [(verdict, f"all {len(pairs)} cases: {words}") for verdict, words in table.overall(pairs)]
+    failed = [(run.name, found[run.name]["failed"]) for run in runs if "failed" in found.get(run.name, {})]
+    if not given.tap:
+        print()
+        for verdict, words in said:
+            print(f"{verdict:6}  {words}")
+        for name, why in failed:
+            print(f"failed  {name}: {why}")
+        for why, names in absent.items():
+            print(f"left out  {why} ({len(names)} runs)")
+        if given.recorded:
+            new = len(cases) - len(pairs)
+            print(f"{len(pairs)} cases beside the recorded table: {sum(v == 'worse' for v, _ in said)} worse, "
+                  f"{sum(v == 'better' for v, _ in said)} better" + (f"; {new} that it doesn't have" if new else ""))
+        total = table.totals(cases)
+        print(" ".join(f"{name}={value}" for name, value in total.items()) +
+              f" seconds={sum(found[run.name].get('seconds', 0) for run in runs if run.name in found):.0f}")
+    worse = [words for verdict, words in said if verdict == "worse"] + [f"{name}: {why}" for name, why in failed]
+    return worse
+
+
+def main():
+    given = options()
+    try:
+        runs, how, own = chosen_runs(given)
+    except (listing.Wrong, OSError, re.error) as error:
+        print(f"judge: {error}", file=sys.stderr)
+        return 2
+    if given.list:
+        for run in runs:
+            print(run.name, "fathom replay", run.recording, *run.options)
+        return 0
+    build = os.path.abspath(given.build)
+    if not os.access(os.path.join(build, "fathom"), os.X_OK):
+        print(f"judge: {build}/fathom isn't built; run make", file=sys.stderr)
+        return 2
+    work = os.path.join(build, "judge")
+    processes = running.Processes()
+    made = making.Making(build, os.path.join(ROOT, "..", "shared"), os.path.join(work, "recordings"), processes, own)
+    processes.output([made.fathom, "info", "--plan"])  # the kernels are built first, and once
+    replays = running.Replays(made, processes, work)
+    found, absent, stopped = all_figures(runs, how, replays, max(1, given.jobs))
+    if stopped:
+        say("stopped; what is done is kept, and the same command goes on from there")
+        return 130
+    cases, _ = in_cases(runs, found, False)
+    worse = report(given, runs, found, absent, cases)
+    if given.record:
+        names = [run.case for run in (listing.read_runs(given.runs) if not own else runs)]
+        write_record(given.recorded, cases, list(dict.fromkeys(names)))
+        return 0
+    return 1 if worse else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
