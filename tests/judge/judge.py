@@ -11,6 +11,7 @@ Exit status: 0 done; 1 something got worse than recorded, or a run failed; 2 wro
 import argparse
 import os
 import re
+import resource
 import sys
 import threading
 import time
@@ -173,6 +174,9 @@ def report(given, runs, found, absent, cases):
     failed = [(run.name, found[run.name]["failed"]) for run in runs if "failed" in found.get(run.name, {})]
     if not given.tap:
         print()
+        for run in runs if given.each else []:
+            if found.get(run.name, {}).get("wrong"):
+                print(f"wrong   {run.name}: frames {' '.join(map(str, found[run.name]['wrong_at']))}")
         for verdict, words in said:
             print(f"{verdict:6}  {words}")
         for name, why in failed:
@@ -184,8 +188,8 @@ def report(given, runs, found, absent, cases):
             print(f"{len(pairs)} cases beside the recorded table: {sum(v == 'worse' for v, _ in said)} worse, "
                   f"{sum(v == 'better' for v, _ in said)} better" + (f"; {new} that it doesn't have" if new else ""))
         total = table.totals(cases)
-        print(" ".join(f"{name}={value}" for name, value in total.items()) +
-              f" seconds={sum(found[run.name].get('seconds', 0) for run in runs if run.name in found):.0f}")
+        spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+        print(" ".join(f"{name}={value}" for name, value in total.items()) + f" cpu_s={spent.ru_utime + spent.ru_stime:.0f}")
     worse = [words for verdict, words in said if verdict == "worse"] + [f"{name}: {why}" for name, why in failed]
     return worse
 

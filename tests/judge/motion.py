@@ -114,10 +114,10 @@ def consistency(error, stats, frames, way, truth):
 
 
 def judge(trajectory, states, stats, truth):
-    """trajectory: TUM lines of all frames; states: of each; stats: columns of --stats by name. A dict of figures; None where
-    there is nothing to say."""
+    """trajectory: TUM lines of all frames; states: of each; stats: columns of --stats by name. A dict of figures, None where
+    there is nothing to say; window_at is the last frame of the worst window, wrong_at the first twenty wrong ones."""
     figures = dict.fromkeys(("window_mm", "window_deg", "nees", "within_3"))
-    figures.update(wrong=0, wrong_at=[], windows=0)
+    figures.update(wrong=0, wrong_at=[], windows=0, window_at=None)
     if truth is None:
         return figures
     estimate = trajectory[:, 1:4], evaluate.rotations(trajectory[:, 4:])
@@ -136,6 +136,6 @@ def judge(trajectory, states, stats, truth):
     whole = unsure[b + 1] == unsure[a]
     figures["windows"] = int(whole.sum())
     if whole.any():
-        figures["window_mm"] = float(1000 * np.linalg.norm(error[whole, :3], axis=1).max())
-        figures["window_deg"] = float(np.linalg.norm(error[whole, 3:], axis=1).max())
+        away, turned = (np.linalg.norm(part, axis=1) for part in np.hsplit(error[whole], 2))
+        figures.update(window_mm=float(1000 * away.max()), window_deg=float(turned.max()), window_at=int(b[whole][away.argmax()]))
     return figures
