@@ -11,7 +11,7 @@ Exit status: 0 done; 1 something got worse than recorded, or a run failed; 2 wro
 import argparse
 import os
 import re
-import resource
+import signal
 import sys
 import threading
 import time
@@ -188,8 +188,8 @@ def report(given, runs, found, absent, cases):
             print(f"{len(pairs)} cases beside the recorded table: {sum(v == 'worse' for v, _ in said)} worse, "
                   f"{sum(v == 'better' for v, _ in said)} better" + (f"; {new} that it doesn't have" if new else ""))
         total = table.totals(cases)
-        spent = resource.getrusage(resource.RUSAGE_CHILDREN)
-        print(" ".join(f"{name}={value}" for name, value in total.items()) + f" cpu_s={spent.ru_utime + spent.ru_stime:.0f}")
+        spent = sum(found[run.name].get("cpu_s", 0) for run in runs if run.name in found)
+        print(" ".join(f"{name}={value}" for name, value in total.items()) + f" cpu_min={spent / 60:.1f}")
     worse = [words for verdict, words in said if verdict == "worse"] + [f"{name}: {why}" for name, why in failed]
     return worse
 
@@ -210,6 +210,7 @@ def main():
         print(f"judge: {build}/fathom isn't built; run make", file=sys.stderr)
         return 2
     work = os.path.join(build, "judge")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     processes = running.Processes()
     made = making.Making(build, os.path.join(ROOT, "..", "shared"), os.path.join(work, "recordings"), processes, own)
     processes.output([made.fathom, "info", "--plan"])  # the kernels are built first, and once

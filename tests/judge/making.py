@@ -114,7 +114,7 @@ class Making:
         return Recording(folder, id, motion.Truth(motion.read_truth(folder), True))
 
     def run(self, command):
-        status, _, said = self.processes.run(command, LONGEST_S)
+        status, _, said, _ = self.processes.run(command, LONGEST_S)
         if status:
             raise Missing((said.strip().splitlines() or [f"status {status}"])[-1])
 

@@ -14,7 +14,7 @@ SLACK_S = 1e-4                # stamps are rounded
 SPAN_SIGMAS = ["span_sigma_x_m", "span_sigma_y_m", "span_sigma_z_m", "span_sigma_rx_deg", "span_sigma_ry_deg", "span_sigma_rz_deg"]
 FUSED = ("first", "tracked")
 LONGEST_GAP_S = 0.25          # between two lines of the truth that a pose may be interpolated from
-NEAREST_S = 0.02              # as fathom replay pairs stamps
+SAME_S = 0.001                # stamps that differ by less are the same
 
 
 class Truth:
@@ -47,10 +47,9 @@ def at(rows, stamps):
     a, b = rows[after - 1], rows[after]
     gap = np.maximum(b[:, 0] - a[:, 0], 1e-9)
     share = np.clip((stamps - a[:, 0]) / gap, 0, 1)
-    outside = np.maximum(a[:, 0] - stamps, stamps - b[:, 0])
-    near = np.minimum(np.abs(stamps - a[:, 0]), np.abs(stamps - b[:, 0])) <= NEAREST_S
-    there = (outside <= 0) & (gap <= LONGEST_GAP_S) | near & (outside <= NEAREST_S)
-    share = np.where(gap > LONGEST_GAP_S, np.round(share), share)[:, None]
+    between = (a[:, 0] <= stamps) & (stamps <= b[:, 0]) & (gap <= LONGEST_GAP_S)
+    there = between | (np.minimum(np.abs(stamps - a[:, 0]), np.abs(stamps - b[:, 0])) <= SAME_S)
+    share = np.where(between, share, np.round(share))[:, None]
     turn = np.where((a[:, 4:] * b[:, 4:]).sum(1, keepdims=True) < 0, -b[:, 4:], b[:, 4:])
     q = a[:, 4:] * (1 - share) + turn * share  # lines are close: as good as on the sphere
     return (a[:, 1:4] * (1 - share) + b[:, 1:4] * share,

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import subprocess
+import tempfile
 import threading
 import time
 
@@ -26,28 +27,42 @@ class Processes:
         self.lock, self.flying, self.stopped = threading.Lock(), set(), False
 
     def run(self, command, longest_s):
-        """Status, stdout and stderr."""
-        with self.lock:
+        """Status, stdout, stderr, and the seconds of a processor that it took."""
+        with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+            with self.lock:
+                if self.stopped:
+                    raise Stopped
+                try:
+                    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True)
+                except OSError as error:
+                    return 127, "", f"{command[0]}: {error.strerror}", 0.0
+                self.flying.add(process.pid)
+            spent = self.ended(process, time.monotonic() + longest_s)
             if self.stopped:
                 raise Stopped
-            try:
-                process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                           text=True, errors="replace", start_new_session=True)
-            except OSError as error:
-                return 127, "", f"{command[0]}: {error.strerror}"
-            self.flying.add(process)
-        try:
-            out, err = process.communicate(timeout=longest_s)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-            return 124, "", f"no end after {longest_s} s"
-        finally:
-            with self.lock:
-                self.flying.discard(process)
-        if self.stopped:
-            raise Stopped
-        return process.returncode, out, err
+            if spent is None:
+                return 124, "", f"no end after {longest_s} s", longest_s
+            said = []
+            for file in (out, err):
+                file.seek(0)
+                said.append(file.read().decode(errors="replace"))
+            return process.returncode, *said, spent
+
+    def ended(self, process, latest):
+        """Waits; its seconds of a processor, or None when it had to be killed. wait4 tells them of one child, Popen's wait not."""
+        late = False
+        while True:
+            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+            if pid:
+                break
+            if time.monotonic() > latest and not late:
+                late = True
+                os.killpg(process.pid, signal.SIGKILL)
+            time.sleep(0.02)
+        with self.lock:
+            self.flying.discard(process.pid)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        return None if late else usage.ru_utime + usage.ru_stime
 
     def output(self, command):
         return self.run(command, LONGEST_S)[1]
@@ -55,8 +70,8 @@ class Processes:
     def stop(self):
         with self.lock:
             self.stopped = True
-            for process in self.flying:
-                os.killpg(process.pid, signal.SIGTERM)
+            for pid in self.flying:
+                os.killpg(pid, signal.SIGTERM)
 
 
 class Results:
@@ -72,6 +87,11 @@ class Results:
                         self.known[found.pop("key")] = found
                     except (ValueError, KeyError):
                         pass  # broken off in the middle
+            with open(path, "rb+") as file:
+                if file.seek(0, os.SEEK_END):
+                    file.seek(-1, os.SEEK_END)
+                    if file.read(1) != b"\n":
+                        file.write(b"\n")
 
     def keep(self, key, figures):
         with self.lock:
@@ -103,13 +123,12 @@ class Replays:
     def replay(self, run, recording):
         base = os.path.join(self.work, "run-" + sha(run.name))
         stats, trajectory = base + ".csv", base + ".txt"
-        start = time.monotonic()
         try:
-            status, out, err = self.processes.run([self.making.fathom, "replay", recording.folder, "--threads", "1", *run.options,
+            status, out, err, spent = self.processes.run([self.making.fathom, "replay", recording.folder, "--threads", "1", *run.options,
                                                    "--stats", stats, "--trajectory", trajectory], LONGEST_S)
             if status:
                 return {"failed": (err.strip().splitlines() or [f"status {status}"])[-1]}
-            figures = {"seconds": round(time.monotonic() - start, 1)}
+            figures = {"cpu_s": round(spent, 2)}
             summary = dict(pair.split("=") for pair in out.strip().splitlines()[-1].split())
             figures.update({name: int(summary[name]) for name in ("frames", "tracked", "reckoned", "lost")})
             ate = 1000 * float(summary["ate_rmse_m"])
