@@ -1,5 +1,5 @@
-"""Recordings that make judge replays: given ones, those that fathom simulate makes, and those rendered by the shared tool. What is
-made is kept, and made anew when it would come out differently."""
+"""Recordings that make judge replays: given ones, those that fathom simulate makes, and those that the shared tool renders.
+What is made is kept, and made anew when it would come out differently."""
 import hashlib
 import json
 import os
@@ -95,7 +95,8 @@ class Making:
                      [float(sigma[1]) / 1000, float(sigma[2]), 0.0])
         stamps = [f"{entry} {os.stat(os.path.join(path, entry)).st_size} {os.stat(os.path.join(path, entry)).st_mtime_ns}"
                   for entry in sorted(os.listdir(path)) if os.path.isfile(os.path.join(path, entry))]
-        return Recording(path, sha(os.path.abspath(path), *stamps), rows is not None and motion.Truth(rows, False, *about) or None)
+        truth = None if rows is None else motion.Truth(rows, False, *about)
+        return Recording(path, sha(os.path.abspath(path), *stamps), truth)
 
     # ---- made
 

@@ -33,7 +33,8 @@ class Processes:
                 if self.stopped:
                     raise Stopped
                 try:
-                    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=err, start_new_session=True)
+                    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=err,
+                                               start_new_session=True)
                 except OSError as error:
                     return 127, "", f"{command[0]}: {error.strerror}", 0.0
                 self.flying.add(process.pid)
@@ -49,7 +50,7 @@ class Processes:
             return process.returncode, *said, spent
 
     def ended(self, process, latest):
-        """Waits; its seconds of a processor, or None when it had to be killed. wait4 tells them of one child, Popen's wait not."""
+        """Waits; its seconds of a processor, or None when it had to be killed. wait4 tells them of one child."""
         late = False
         while True:
             pid, status, usage = os.wait4(process.pid, os.WNOHANG)
@@ -107,7 +108,8 @@ class Replays:
         self.results = Results(os.path.join(work, "results.jsonl"))
 
     def key(self, recording, options):
-        return sha(self.making.binary, self.measure, recording.id, repr(recording.truth and recording.truth.limits()), *options)
+        limits = repr(recording.truth and recording.truth.limits())
+        return sha(self.making.binary, self.measure, recording.id, limits, *options)
 
     def figures(self, run, how):
         """A run's figures, from an earlier time if it was made by this build; raises Missing."""
@@ -124,8 +126,8 @@ class Replays:
         base = os.path.join(self.work, "run-" + sha(run.name))
         stats, trajectory = base + ".csv", base + ".txt"
         try:
-            status, out, err, spent = self.processes.run([self.making.fathom, "replay", recording.folder, "--threads", "1", *run.options,
-                                                   "--stats", stats, "--trajectory", trajectory], LONGEST_S)
+            command = [self.making.fathom, "replay", recording.folder, "--threads", "1", *run.options]
+            status, out, err, spent = self.processes.run(command + ["--stats", stats, "--trajectory", trajectory], LONGEST_S)
             if status:
                 return {"failed": (err.strip().splitlines() or [f"status {status}"])[-1]}
             figures = {"cpu_s": round(spent, 2)}

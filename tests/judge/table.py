@@ -8,9 +8,10 @@ SHARE, LEAST_MM, FEWER = 0.03, 0.3, 0.01
 ONE_START = 3
 MEAN, FEWER_ALL = 0.01, 0.002
 
-COLUMNS = ("case", "runs", "frames", "tracked", "reckoned", "lost", "wrong", "ate_mm", "window_mm", "window_deg", "worst_mm", "nees",
-           "within_3")
+COLUMNS = ("case", "runs", "frames", "tracked", "reckoned", "lost", "wrong", "ate_mm", "window_mm", "window_deg", "worst_mm",
+           "nees", "within_3")
 COUNTS = COLUMNS[1:7]
+SHOWN = ("tracked", "frames", "wrong", "ate_mm", "window_mm")  # where a line has no room for all
 DIGITS = {"ate_mm": 1, "window_mm": 1, "window_deg": 2, "worst_mm": 1, "nees": 2, "within_3": 3}
 
 
@@ -41,7 +42,8 @@ def text(cases):
     """Aligned columns, a line a case."""
     rows = [COLUMNS] + [[cell(name, case[name]) for name in COLUMNS] for case in cases]
     wide = [max(len(row[i]) for row in rows) for i in range(len(COLUMNS))]
-    return ["  ".join([row[0].ljust(wide[0])] + [value.rjust(width) for value, width in zip(row[1:], wide[1:])]) for row in rows]
+    return ["  ".join([row[0].ljust(wide[0])] + [value.rjust(width) for value, width in zip(row[1:], wide[1:])])
+            for row in rows]
 
 
 def read(path):
@@ -62,24 +64,24 @@ def right(case):
     return case["tracked"] - case["wrong"]
 
 
-def changes(now, before):
-    """What of a case is beyond the margins: (better or worse, words)."""
+def changes(now, before, loosely=False):
+    """What of a case is beyond the margins: (better or worse, words). loosely: as if it had one start."""
     found = []
-    wider = 1 if now["runs"] > 1 else ONE_START
+    wider = 1 if now["runs"] > 1 and not loosely else ONE_START
 
     def compare(what, new, old, margin, unit, less_is_better=True):
-        if new is None and old is None:
-            return
         if new is None or old is None:
-            found.append(("worse" if new is None else "better", f"{what} {cell(what, new)} (was {cell(what, old)})"))
+            if new is not old:
+                new, old = ("-" if value is None else value for value in (new, old))
+                found.append(("worse" if new == "-" else "better", f"{what} {new} (was {old})"))
         elif abs(new - old) > margin + 1e-9:
             better = (new < old) == less_is_better
             found.append(("better" if better else "worse", f"{what} {new:g}{unit} (was {old:g})"))
 
     if now["frames"] != before["frames"]:
         found.append(("other", f"{now['frames']} frames (was {before['frames']})"))
-    compare("ate", now["ate_mm"], before["ate_mm"], wider * max(LEAST_MM, SHARE * (before["ate_mm"] or 0)), " mm")
-    compare("window", now["window_mm"], before["window_mm"], wider * max(LEAST_MM, SHARE * (before["window_mm"] or 0)), " mm")
+    for name, what in (("ate_mm", "error"), ("window_mm", "error over 1 s")):
+        compare(what, now[name], before[name], wider * max(LEAST_MM, SHARE * (before[name] or 0)), " mm")
     compare("tracked and right", right(now), right(before), wider * FEWER * right(before), "", less_is_better=False)
     compare("wrong poses", now["wrong"], before["wrong"], 0, "")
     return found
