@@ -150,8 +150,8 @@ def consistencies():
 # ---- table
 
 def case(**other):
-    base = {"frames": 500, "tracked": 490, "reckoned": 10, "lost": 0, "wrong": 0, "ate_mm": 20.0, "window_mm": 10.0, "window_deg": 0.5,
-            "nees": None, "within_3": None}
+    base = {"frames": 500, "tracked": 490, "reckoned": 10, "lost": 0, "wrong": 0, "ate_mm": 20.0, "window_mm": 10.0,
+            "window_deg": 0.5, "nees": None, "within_3": None}
     return {**base, **other}
 
 

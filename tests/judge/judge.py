@@ -3,8 +3,8 @@
 
 Recordings are those of ../shared/data that are there, simulated and rendered ones, which are kept. A case's error is the median
 of its starts. window: the largest error of motion over 1 s among windows that are tracked from end to end (the median of the
-starts; worst: the largest). wrong: frames that were fused although they lie more than 3 cm or 2 degrees wrong relative to the one
-fused before (on real recordings 10 cm, 5 degrees). nees: the error over 1 s squared in units of what was reported, over its
+starts; worst: the largest). wrong: frames that were fused although they lie more than 3 cm or 2 degrees wrong relative to the
+one fused before (on real recordings 10 cm, 5 degrees). nees: the error over 1 s squared in units of what was reported, over its
 expectation; within_3: the share of windows within 3 sigma.
 Better and worse are said beyond 3 % or 0.3 mm of a case's error and 1 % of its frames tracked and right (three times that where
 a case is one run), 1 % and 0.2 % of all cases together.
@@ -33,11 +33,11 @@ from making import say  # noqa: E402
 def options():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("build", help="the build's folder")
-    parser.add_argument("--only", metavar="REGEX", help="runs whose name has it")
+    parser.add_argument("--only", metavar="REGEX", help="runs whose name it is found in")
     parser.add_argument("--short", action="store_true", help="those marked + only")
     parser.add_argument("--data", metavar="FOLDER", help="recordings of one's own: a folder of them, or one")
-    parser.add_argument("--runs", metavar="FILE", default=os.path.join(HERE, "runs"))
-    parser.add_argument("--recordings", metavar="FILE", default=os.path.join(HERE, "recordings"))
+    parser.add_argument("--runs", metavar="FILE", default=os.path.join(HERE, "runs"), help="the list (tests/judge/runs)")
+    parser.add_argument("--recordings", metavar="FILE", default=os.path.join(HERE, "recordings"), help="(tests/judge/recordings)")
     parser.add_argument("--recorded", metavar="FILE", help="the table beside it (tests/judge/recorded; none with --data)")
     parser.add_argument("--record", action="store_true", help="write what was found into the recorded table")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="replays at a time, one thread each (2)")
@@ -157,7 +157,7 @@ def write_record(path, cases, all_names):
 
 
 def compared(given, cases):
-    """Cases that the recorded table has, each beside that; what of them is beyond the margins: (better or worse, case, words)."""
+    """Cases that the recorded table has, each beside its own there; what is beyond the margins: (better or worse, case, words)."""
     before = table.read(given.recorded) if given.recorded and os.path.exists(given.recorded) else {}
     pairs = [(case, before[case["case"]]) for case in cases if case["case"] in before]
     said = [(verdict, now["case"], words) for now, old in pairs for verdict, words in table.changes(now, old, given.tap)]
