@@ -37,7 +37,7 @@ def options():
     parser.add_argument("--short", action="store_true", help="those marked + only")
     parser.add_argument("--data", metavar="FOLDER", help="recordings of one's own: a folder of them, or one")
     parser.add_argument("--runs", metavar="FILE", default=os.path.join(HERE, "runs"), help="the list (tests/judge/runs)")
-    parser.add_argument("--recordings", metavar="FILE", default=os.path.join(HERE, "recordings"), help="(tests/judge/recordings)")
+    parser.add_argument("--recordings", metavar="FILE", default=os.path.join(HERE, "recordings"), help="how each is had")
     parser.add_argument("--recorded", metavar="FILE", help="the table beside it (tests/judge/recorded; none with --data)")
     parser.add_argument("--record", action="store_true", help="write what was found into the recorded table")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="replays at a time, one thread each (2)")
@@ -157,7 +157,7 @@ def write_record(path, cases, all_names):
 
 
 def compared(given, cases):
-    """Cases that the recorded table has, each beside its own there; what is beyond the margins: (better or worse, case, words)."""
+    """Cases that the recorded table has, in pairs; what of them is beyond the margins: (better or worse, case, words)."""
     before = table.read(given.recorded) if given.recorded and os.path.exists(given.recorded) else {}
     pairs = [(case, before[case["case"]]) for case in cases if case["case"] in before]
     said = [(verdict, now["case"], words) for now, old in pairs for verdict, words in table.changes(now, old, given.tap)]
