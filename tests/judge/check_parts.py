@@ -99,8 +99,7 @@ def moved(lines, metres):
 def motions():
     lines = path()
     same = judged(lines)
-
-             check(near(same["window_mm"], 0, 1e-3) and near(same["window_deg"], 0, 1e-3) and same["wrong"] == 0 and same["windows"] == 61,
+    check(near([same["window_mm"], same["window_deg"]], 0, 1e-3) and same["wrong"] == 0 and same["windows"] == 61,
           "motion: the truth has no error in any window")
     turn = quaternions(np.array([[0.3, -0.8, 1.1]]))
     elsewhere = lines.copy()
