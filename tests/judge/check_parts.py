@@ -59,9 +59,8 @@ def lists():
     check([(run.name, run.recording) for run in own] == [("mine/stride-2", "mine"), ("yours/stride-2", "yours")],
           "lists: * stands for each recording of one's own")
     here = os.path.dirname(os.path.abspath(__file__))
-    recordings = listing.read_recordings(os.path.join(here, "recordings"))
-    check(all(run.recording in recordings or run.recording == listing.ANY for run in listing.read_runs(os.path.join(here,
-          "runs"))),
+    recordings = {**listing.read_recordings(os.path.join(here, "recordings")), listing.ANY: None}
+    check(all(run.recording in recordings for run in listing.read_runs(os.path.join(here, "runs"))),
           "lists: the project's own name recordings that it has")
 
 

@@ -159,7 +159,7 @@ def write_record(path, cases, all_names):
 def compared(given, cases):
     """Cases that the recorded table has, in pairs; what of them is beyond the margins: (better or worse, case, words)."""
     before = table.read(given.recorded) if given.recorded and os.path.exists(given.recorded) else {}
-    pairs = [(case, before[case["case"]]) for case in cases if case["case"] in before]
+    pairs = [(case, before[case["case"]]) for case in cases if before.get(case["case"], {}).get("runs") == case["runs"]]
     said = [(verdict, now["case"], words) for now, old in pairs for verdict, words in table.changes(now, old, given.tap)]
     together = [] if given.tap else table.overall(pairs)
     return pairs, said + [(verdict, f"all {len(pairs)} cases", words) for verdict, words in together]
@@ -247,7 +247,7 @@ def main():
     good = (report_tap if given.tap else report)(given, runs, found, absent, cases)
     if given.record:
         names = [run.case for run in (runs if own else listing.read_runs(given.runs))]
-        write_record(given.recorded, cases, list(dict.fromkeys(names)))
+        write_record(given.recorded, [case for case in cases if case["runs"] == names.count(case["case"])], list(dict.fromkeys(names)))
         return 0
     return 0 if good else 1
 

@@ -1,5 +1,6 @@
 """Recordings that make judge replays: given ones, those that fathom simulate makes, and those that the shared tool renders.
 What is made is kept, and made anew when it would come out differently."""
+import fcntl
 import hashlib
 import json
 import os
@@ -101,17 +102,19 @@ class Making:
     # ---- made
 
     def keep(self, name, id, make):
-        """The kept folder, made by make(folder) unless one of this id is there."""
+        """The kept folder, made by make(folder) unless one of this id is there. Another judge may be at it, too."""
         folder = os.path.join(self.kept, name)
         mark = os.path.join(folder, "made")
-        if not (os.path.exists(mark) and open(mark).read().strip() == id):
-            say(f"making {name}")
-            shutil.rmtree(folder, ignore_errors=True)
-            shutil.rmtree(folder + ".part", ignore_errors=True)
-            make(folder + ".part")
-            with open(os.path.join(folder + ".part", "made"), "w") as file:
-                file.write(id + "\n")
-            os.rename(folder + ".part", folder)
+        with open(folder + ".lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not (os.path.exists(mark) and open(mark).read().strip() == id):
+                say(f"making {name}")
+                for old in (folder, folder + ".part"):
+                    shutil.rmtree(old, ignore_errors=True)
+                make(folder + ".part")
+                with open(os.path.join(folder + ".part", "made"), "w") as file:
+                    file.write(id + "\n")
+                os.rename(folder + ".part", folder)
         return Recording(folder, id, motion.Truth(motion.read_truth(folder), True))
 
     def run(self, command):
@@ -139,7 +142,7 @@ class Making:
             known = json.load(open(path)) if os.path.exists(path) else {}
         if key in known:
             return known[key]
-        folder = os.path.join(self.kept, f"probe-{name}")
+        folder = os.path.join(self.kept, f"probe-{name}-{os.getpid()}")
         shutil.rmtree(folder, ignore_errors=True)
         self.run(command + [folder, "--threads", "1", *options, "--size", "80x60"])
         id = sha(*command[1:], *options, sha_of_folder(folder))

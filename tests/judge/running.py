@@ -123,7 +123,7 @@ class Replays:
         return self.results.known[key]
 
     def replay(self, run, recording):
-        base = os.path.join(self.work, "run-" + sha(run.name))
+        base = os.path.join(self.work, f"run-{os.getpid()}-{sha(run.name)}")
         stats, trajectory = base + ".csv", base + ".txt"
         try:
             command = [self.making.fathom, "replay", recording.folder, "--threads", "1", *run.options]
