@@ -12,7 +12,7 @@ COLUMNS = ("case", "runs", "frames", "tracked", "reckoned", "lost", "wrong", "at
            "nees", "within_3")
 COUNTS = COLUMNS[1:7]
 SHOWN = ("tracked", "frames", "wrong", "ate_mm", "window_mm")  # where a line has no room for all
-DIGITS = {"ate_mm": 1, "window_mm": 1, "window_deg": 2, "worst_mm": 1, "nees": 2, "within_3": 3}
+DIGITS = {"ate_mm": 2, "window_mm": 1, "window_deg": 2, "worst_mm": 1, "nees": 2, "within_3": 3}
 
 
 def middle(values):
@@ -93,9 +93,9 @@ def totals(cases):
 
 def overall(pairs):
     """Of all cases, now and before: (better or worse, words) beyond the margins. The mean is of ratios, so that a case that is
-    lost by metres doesn't outweigh all others."""
+    lost by metres doesn't outweigh all others, and below a millimetre nothing counts."""
     found = []
-    ratios = [math.log(max(now["ate_mm"], 0.01) / max(before["ate_mm"], 0.01)) for now, before in pairs
+    ratios = [math.log(max(now["ate_mm"], 1) / max(before["ate_mm"], 1)) for now, before in pairs
               if now["ate_mm"] is not None and before["ate_mm"] is not None]
     if ratios:
         mean = math.exp(sum(ratios) / len(ratios)) - 1
