@@ -121,6 +121,8 @@ def all_figures(runs, how, replays, jobs):
                 absent.setdefault(f"{run.recording}: {error}", []).append(run.name)
         except running.Stopped:
             return
+        except (OSError, ValueError, KeyError, IndexError) as error:
+            found[run.name] = {"failed": f"{type(error).__name__}: {error}"}
         progress.step(run.name, len(replays.results.known) > before)
 
     stopped = False
@@ -175,6 +177,9 @@ def report(given, runs, found, absent, cases):
     for run in runs if given.each else []:
         if found.get(run.name, {}).get("wrong"):
             print(f"wrong   {run.name}: frames {' '.join(map(str, found[run.name]['wrong_at']))}")
+    wrong = [f"{case['case']} {case['wrong']}" for case in cases if case["wrong"]]
+    if wrong:
+        print(f"wrong poses  {', '.join(wrong)}")
     pairs, said = compared(given, cases)
     failed = failures(runs, found)
     for verdict, name, words in said:
@@ -196,8 +201,9 @@ def report(given, runs, found, absent, cases):
 def report_tap(given, runs, found, absent, cases):
     """A line a case: none failed, none is worse than recorded beyond the margins of one start (another processor rounds in its
     own way)."""
-    _, said = compared(given, cases)
+    pairs, said = compared(given, cases)
     left_out = {name: why for why, names in absent.items() for name in names}
+    recorded = {now["case"] for now, _ in pairs}
     wrong = {}
     for verdict, name, words in said:
         if verdict == "worse":
@@ -207,6 +213,8 @@ def report_tap(given, runs, found, absent, cases):
     by_name = {case["case"]: case for case in cases}
     for number, name in enumerate(dict.fromkeys(run.case for run in runs), 1):
         reasons = [left_out[run.name] for run in runs if run.case == name and run.name in left_out]
+        if not reasons and name not in recorded:
+            reasons = ["the recorded table doesn't have it"]
         case = by_name.get(name)
         figures = case and " (" + ", ".join(f"{what} {table.cell(what, case[what])}" for what in table.SHOWN) + ")"
         if name in wrong:

@@ -112,14 +112,17 @@ class Replays:
         return sha(self.making.binary, self.measure, recording.id, limits, *options)
 
     def figures(self, run, how):
-        """A run's figures, from an earlier time if it was made by this build; raises Missing."""
+        """A run's figures, from an earlier time if it was made by this build; raises Missing. What failed is tried anew."""
         absent = self.making.offers("replay", run.options)
         if absent:
             raise Missing(f"this fathom replay has no {absent}")
         recording = self.making.get(run.recording, how)
         key = self.key(recording, run.options)
         if key not in self.results.known:
-            self.results.keep(key, {"name": run.name, **self.replay(run, recording)})
+            figures = {"name": run.name, **self.replay(run, recording)}
+            if "failed" in figures:
+                return figures
+            self.results.keep(key, figures)
         return self.results.known[key]
 
     def replay(self, run, recording):
