@@ -11,7 +11,7 @@ import evaluate
 
 SPAN_S = 1.0
 SLACK_S = 1e-4                # stamps are rounded
-SPAN_SIGMAS = ["span_sigma_x_m", "span_sigma_y_m", "span_sigma_z_m", "span_sigma_rx_deg", "span_sigma_ry_deg", "span_sigma_rz_deg"]
+SPAN_SIGMAS = [f"span_sigma_{axis}" for axis in ("x_m", "y_m", "z_m", "rx_deg", "ry_deg", "rz_deg")]
 FUSED = ("first", "tracked")
 LONGEST_GAP_S = 0.25          # between two lines of the truth that a pose may be interpolated from
 SAME_S = 0.001                # stamps that differ by less are the same
@@ -136,5 +136,6 @@ def judge(trajectory, states, stats, truth):
     figures["windows"] = int(whole.sum())
     if whole.any():
         away, turned = (np.linalg.norm(part, axis=1) for part in np.hsplit(error[whole], 2))
-        figures.update(window_mm=float(1000 * away.max()), window_deg=float(turned.max()), window_at=int(b[whole][away.argmax()]))
+        figures.update(window_mm=float(1000 * away.max()), window_deg=float(turned.max()),
+                       window_at=int(b[whole][away.argmax()]))
     return figures
