@@ -314,9 +314,8 @@ FATHOM_API int fathom_source_configure(fathom_source *source, fathom_config *con
  *     fathom_sink_write_imu(sink, samples, count);
  *     if (fathom_sink_close(sink)) ...                         // something couldn't be written
  *
- * A folder grows as it is written, and can be read whenever the writing stops (a kill, a full disk): depth.txt and
- * rgb.txt name only complete files, and every text file ends with a whole line. At most half a second of samples waits
- * in memory.
+ * A folder grows as it is written, and can be read whenever the writing stops (a kill, a full disk): its lists name
+ * only complete files, and every text file ends with a whole line. At most half a second of samples waits in memory.
  *
  * Errors: FATHOM_ERROR_WRITE, with the file and the system's reason in the log and in fathom_sink_last_error. Data
  * written before stays whole and counted, and other kinds can still be written; fathom_sink_close returns the first
@@ -347,6 +346,8 @@ typedef struct {
     int64_t imu_clock_offset_ns;           /* added to an IMU stamp to get the depth clock */
     double gravity;                        /* m/s^2; 0: left out */
     const char *lines_of; /* without has_imu: a folder whose rig.txt is copied, except its depth_scale; NULL: none */
+    int32_t min_confidence; /* the frames' confidence below which a pixel doesn't count; 0: left out */
+    uint32_t unused;
 } fathom_sink_rig;
 
 /* Counts of data written: complete on the disk, as far as the system reports. */
@@ -365,7 +366,7 @@ FATHOM_API int fathom_sink_open(fathom_sink **sink, const char *uri, const fatho
 /* calibration.txt and rig.txt; a later call replaces them. */
 FATHOM_API int fathom_sink_write_rig(fathom_sink *sink, const fathom_sink_rig *rig);
 
-/* A depth frame, as a 16-bit PNG named by its stamp. Its confidence and image aren't written. */
+/* A depth frame and its confidence, if any (confidence.txt), as PNGs of 16 and 8 bits. Its image isn't written. */
 FATHOM_API int fathom_sink_write_depth(fathom_sink *sink, const fathom_depth_frame *frame);
 
 /* A colour image (rgb.txt). FATHOM_ERROR_UNSUPPORTED for formats other than FATHOM_IMAGE_RGB8. */

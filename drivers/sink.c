@@ -47,7 +47,8 @@ int fathom_sink_write_rig(fathom_sink *sink, const fathom_sink_rig *rig) {
 int fathom_sink_write_depth(fathom_sink *sink, const fathom_depth_frame *frame) {
     fathom_depth_frame whole = FATHOM_STRUCT(fathom_depth_frame);
     if (!sink || !frame || !sized_in(&whole, sizeof whole, frame) || !whole.depth || whole.width < 1 ||
-        whole.height < 1 || (whole.row_stride_bytes && whole.row_stride_bytes < 2 * whole.width))
+        whole.height < 1 || (whole.row_stride_bytes && whole.row_stride_bytes < 2 * whole.width) ||
+        (whole.confidence && whole.confidence_stride_bytes && whole.confidence_stride_bytes < whole.width))
         return FATHOM_ERROR_ARGUMENT;
     return sink->does->write_depth(sink, &whole);
 }

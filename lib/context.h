@@ -11,6 +11,7 @@
 #include "map/view.h"
 #include "map/whole_mesh.h"
 #include "tracking/odometry.h"
+#include "tracking/span.h"
 #include "tracking/track.h"
 
 /* The latest results, in a ring. */
@@ -41,6 +42,7 @@ struct fathom {
     pose pose;             /* M of Figure 2: the last frame's camera to world */
     double covariance[36]; /* of that pose: pose * exp(error) */
     odometry odometry;     /* the pose that never jumps */
+    span span;             /* the motion over the last second */
     int64_t timestamp_ns;  /* of the last frame; INT64_MIN: none yet */
     bool started;          /* the first surface has been fused */
     bool paused;

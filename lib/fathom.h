@@ -678,6 +678,18 @@ typedef struct {
      * frame before */
     float ms_maps, ms_align, ms_fuse, ms_raycast;
     float ms_total;
+    int32_t observed_directions; /* number of directions, of six, that the pairs alone determine to max_sigma_m (rotations
+                                    about their centroid, times their spread); 0 where alignment wasn't used. The others
+                                    are inertia's */
+    float weakest_direction[6]; /* the direction that the pairs determine least, a twist in the camera's axes: rotation
+                                   in rad, then translation in metres; zero where alignment wasn't used */
+    float weakest_sigma_m;      /* sigma of the pose along it by the pairs alone (1 m at most): of so many times that
+                                   twist */
+    float shared_error_m;       /* sigma of the error that the pixels of a frame share, estimated while scanning: no
+                                   alignment is surer. 0: unknown yet */
+    int32_t contradicted;       /* 1: the surface contradicts a pose that inertia confirms, now or within the last half
+                                   second: something moved, or the sensor sees what isn't there, as in glass. Fused once
+                                   that has lasted 0.1 s */
 } fathom_result;
 
 /* One pass of the paper's loop (Figure 2): maps of the depth frame, seed from the inertial estimate, alignment,
@@ -706,6 +718,20 @@ FATHOM_API int fathom_inertial_estimate(fathom *context, int64_t from_ns, int64_
 
 /* The latest pose, camera to world, and, where not NULL, its 6x6 covariance. Stepping thread. */
 FATHOM_API int fathom_get_pose(fathom *context, fathom_pose *pose, double covariance[36]);
+
+/* The camera's motion over the last second: from the last frame that is at least 1 s older than the latest one, or from
+ * the first frame while the scan is younger, to the latest one. Unlike two poses' covariances it says what is known of
+ * the one relative to the other. */
+typedef struct {
+    uint32_t struct_size;
+    uint32_t unused;
+    int64_t from_ns, to_ns; /* the stamps of the two frames; the same in the first frame */
+    fathom_pose motion;     /* inv(M_from) M_to, of the poses in the map */
+    double covariance[36];  /* 6x6, rotation then translation, in the later camera's axes */
+} fathom_span;
+
+/* FATHOM_ERROR_NO_DATA before the first frame. Stepping thread. */
+FATHOM_API int fathom_get_span(fathom *context, fathom_span *span);
 
 /* Extrinsics and clock offset of the IMU as the library uses them: the settings or, with refine_rig, the best estimate
  * so far. About an axis without any turns the sigma keeps its initial value. */

@@ -75,11 +75,13 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
 }
 
 static void report(fathom *f, fathom_result *r) {
+    span_add(&f->span, &f->pose, f->covariance, r->state <= FATHOM_TRACKED, r->timestamp_ns);
     r->pose = pose_give(&f->pose);
     memcpy(r->pose_covariance, f->covariance, sizeof r->pose_covariance);
     r->odometry = pose_give(&f->odometry.at);
     memcpy(r->odometry_covariance, f->odometry.covariance, sizeof r->odometry_covariance);
     r->blocks = f->volume.pool.count;
+    r->shared_error_m = (float)f->tracker.aligner.shared_m;
     r->gyro_health = f->inertial.check.gyro.health;
     r->accel_health = f->inertial.check.accel.health;
 }

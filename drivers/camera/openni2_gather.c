@@ -26,7 +26,7 @@ int openni2_start_streams(openni2_source *s, char *why, size_t size) {
 
 void openni2_watch(openni2_source *s, const char *uri) {
     pthread_mutex_lock(&s->watch_lock);
-    snprintf(s->watched, sizeof s->watched, "%s", uri ? uri : "");
+    snprintf(s->watched, sizeof s->watched, "%s", uri);
     atomic_store(&s->gone, false);
     pthread_mutex_unlock(&s->watch_lock);
 }
@@ -132,7 +132,6 @@ static bool reopen(openni2_source *s, const char *uri) {
         d->mode.resolutionY == before.mode.resolutionY && d->mode.pixelFormat == before.mode.pixelFormat &&
         openni2_start_streams(s, why, sizeof why) == FATHOM_OK)
         return true;
-    openni2_watch(s, NULL);
     openni2_device_close(d);
     *d = before;
     return false;
@@ -157,7 +156,6 @@ static bool find_again(openni2_source *s) {
 
 /* Waits for an unplugged device. False: the thread is to end. */
 static bool wait_for_return(openni2_source *s) {
-    openni2_watch(s, NULL);
     openni2_device_close(&s->device);
     if (!s->base.options.reconnect) {
         source_queue_end(&s->queue, FATHOM_ERROR_UNPLUGGED);

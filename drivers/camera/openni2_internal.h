@@ -109,7 +109,7 @@ typedef struct {
     openni2_worker *worker; /* NULL: stopped */
     OniCallbackHandle watch;
     pthread_mutex_t watch_lock;
-    char watched[ONI_MAX_STR]; /* the open device's uri, under watch_lock; "": none */
+    char watched[ONI_MAX_STR]; /* the last opened device's uri, under watch_lock */
     atomic_bool gone;          /* libOpenNI2 has reported that it was unplugged */
     clock_map clock;
     int last_index;   /* of the device's frames; 0: none yet */
@@ -122,7 +122,7 @@ typedef struct {
 /* Starts the open device's streams. */
 int openni2_start_streams(openni2_source *source, char *why, size_t size);
 
-/* Makes `gone` refer to this device from now on; NULL: to none. */
+/* Makes `gone` refer to this device from now on. */
 void openni2_watch(openni2_source *source, const char *uri);
 
 /* user: an openni2_source whose streams have been started. */

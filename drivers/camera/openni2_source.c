@@ -129,7 +129,6 @@ static int openni2_enumerate(fathom_source_found found, void *user, fathom_log l
 /* ---- operations ---- */
 
 static void stop_streams(openni2_source *s) {
-    openni2_watch(s, NULL);
     if (s->device.depth) oniStreamStop(s->device.depth);
     if (s->device.color) oniStreamStop(s->device.color);
 }
@@ -139,14 +138,17 @@ static int openni2_start(fathom_source *source) {
     openni2_device *d = &s->device;
     char why[320];
     int result = FATHOM_OK;
-    if (!d->device) result = openni2_device_open(d, &s->wish, why, sizeof why);
+    if (atomic_load(&s->gone)) openni2_device_close(d); /* it may be back, but what was open stays dead */
+    if (!d->device) {
+        openni2_watch(s, d->uri);
+        result = openni2_device_open(d, &s->wish, why, sizeof why);
+    }
     if (!result && (d->mode.resolutionX != s->queue.slots[0].about.width ||
                     d->mode.resolutionY != s->queue.slots[0].about.height)) {
         snprintf(why, sizeof why, "it has another size now");
         result = FATHOM_ERROR_SIZE;
     }
     if (!result) {
-        openni2_watch(s, d->uri);
         clock_map_restart(&s->clock);
         s->last_index = 0;
         s->has_color = false;
@@ -223,7 +225,7 @@ static const source_operations openni2_operations = {
 static void ONI_CALLBACK_TYPE on_disconnected(const OniDeviceInfo *info, void *user) {
     openni2_source *s = user;
     pthread_mutex_lock(&s->watch_lock);
-    if (*s->watched && strcmp(info->uri, s->watched) == 0) atomic_store(&s->gone, true);
+    if (strcmp(info->uri, s->watched) == 0) atomic_store(&s->gone, true);
     pthread_mutex_unlock(&s->watch_lock);
 }
 
@@ -326,6 +328,7 @@ static int finish_opening(openni2_source *s) {
     snprintf(s->serial, sizeof s->serial, "%s", s->device.serial);
     if (s->device.color && !(s->color = malloc(3 * (size_t)width * (size_t)height)))
         return FATHOM_ERROR_MEMORY;
+    openni2_watch(s, s->device.uri);
     if (oniRegisterDeviceCallbacks(&callbacks, s, &s->watch) != ONI_STATUS_OK) s->watch = NULL;
     return source_queue_make(&s->queue, 0, s->base.options.frame_capacity, width, height, s->color != NULL);
 }

@@ -145,7 +145,7 @@ static udp_line_result parse_json(const char *at, udp_line *line) {
 udp_line_result udp_line_parse(udp_format format, const char *text, size_t length, udp_line *line) {
     char copy[UDP_LINE_MOST + 1];
     *line = (udp_line){0};
-    if (length > UDP_LINE_MOST || memchr(text, 0, length)) return UDP_LINE_MALFORMED;
+    if (length >= sizeof copy || memchr(text, 0, length)) return UDP_LINE_MALFORMED;
     memcpy(copy, text, length);
     copy[length] = 0;
     const char *at = copy;

@@ -70,8 +70,8 @@ static void remove_frames(const char *folder, const char *name) {
 }
 
 bool folder_clear(const char *folder, bool force, char *why, size_t size) {
-    static const char *const stale[] = {"depth.txt",       "rgb.txt",        "imu.txt", "rig.txt",
-                                        "calibration.txt", "groundtruth.txt"};
+    static const char *const stale[] = {"depth.txt", "confidence.txt",  "rgb.txt",        "imu.txt",
+                                        "rig.txt",   "calibration.txt", "groundtruth.txt"};
     char path[PATH_MAX];
     if (!make_all(folder, why, size)) return false;
     if (!force && !is_empty(folder)) {
@@ -81,6 +81,7 @@ bool folder_clear(const char *folder, bool force, char *why, size_t size) {
     for (size_t i = 0; i < sizeof stale / sizeof *stale; i++)
         if (path_in(path, folder, stale[i])) unlink(path);
     remove_frames(folder, "depth");
+    remove_frames(folder, "confidence");
     remove_frames(folder, "rgb");
     return true;
 }

@@ -1,5 +1,5 @@
-/* A recording folder that grows as it is written, and is complete at any moment: all that depth.txt, rgb.txt or
- * groundtruth.txt name exists, and each file ends with a whole line. The counterpart of recording.c. */
+/* A recording folder that grows as it is written, and is complete at any moment: all that depth.txt, confidence.txt,
+ * rgb.txt or groundtruth.txt name exists, and each file ends with a whole line. The counterpart of recording.c. */
 #include <errno.h>
 #include <inttypes.h>
 #include <limits.h>
@@ -18,11 +18,11 @@
 typedef struct {
     fathom_sink base;
     char *folder, *header;
-    struct line_file depth, images, poses; /* the writing thread's */
-    struct line_file imu;                  /* the sample thread's */
-    int64_t imu_head;                      /* lines of imu.txt that are no samples */
-    int64_t pictures;                      /* bytes of PNG files */
-    bool incomplete;                       /* the log has the message about samples without a sensor */
+    struct line_file depth, confidence, images, poses; /* the writing thread's */
+    struct line_file imu;                              /* the sample thread's */
+    int64_t imu_head;                                  /* lines of imu.txt that are no samples */
+    int64_t pictures;                                  /* bytes of PNG files */
+    bool incomplete; /* the log has the message about samples without a sensor */
 } folder_sink;
 
 static folder_sink *of(fathom_sink *sink) {
@@ -87,7 +87,8 @@ static void count_frame(folder_sink *s, int64_t *number, int64_t stamp_ns) {
         if (*number == 1) status->first_ns = stamp_ns;
         status->last_ns = stamp_ns;
     }
-    status->frame_bytes = s->pictures + s->depth.bytes + s->images.bytes + s->poses.bytes;
+    status->frame_bytes =
+        s->pictures + s->depth.bytes + s->confidence.bytes + s->images.bytes + s->poses.bytes;
     pthread_mutex_unlock(&s->base.lock);
 }
 
@@ -165,6 +166,8 @@ static int write_rig(fathom_sink *sink, const fathom_sink_rig *rig) {
     } else if (rig->lines_of) {
         result = each_line(s, rig->lines_of, "rig.txt", "depth_scale", put_line, file);
     }
+    /* The last, so that it holds whatever was copied. */
+    if (rig->min_confidence > 0) fprintf(file, "confidence_min %d\n", (int)rig->min_confidence);
     const int finished = finish(s, file, "rig.txt");
     return result ? result : finished;
 }
@@ -182,41 +185,52 @@ static int name_it(folder_sink *s, struct line_file *file, const char *list, int
     return FATHOM_OK;
 }
 
+/* Writes DIRECTORY/STAMP.png and names it in the list. */
+static int write_picture(folder_sink *s, struct line_file *list, const char *list_name, const char *directory,
+                         int64_t stamp_ns, const image_pixels *picture) {
+    char stamp[32], name[48], path[PATH_MAX], why[1024];
+    if (!list->is_open && !folder_make(s->folder, directory)) return fail_file(s, directory, errno);
+    const int result = need(s, list, list_name, "t[s] file");
+    if (result) return result;
+    snprintf(name, sizeof name, "%s/%s.png", directory, stamp_text(stamp, stamp_ns, 6));
+    if (!path_in(s, path, name)) return fail_file(s, name, errno);
+    if (image_write(path, picture, why, sizeof why))
+        return sink_fail(&s->base, FATHOM_ERROR_WRITE, "%s", why);
+    return name_it(s, list, list_name, stamp_ns, name);
+}
+
+/* The confidence first: a frame that depth.txt names then has it. */
 static int write_depth(fathom_sink *sink, const fathom_depth_frame *frame) {
     folder_sink *s = of(sink);
-    char stamp[32], name[48], path[PATH_MAX], why[1024];
-    int result = need(s, &s->depth, "depth.txt", "t[s] file");
-    if (result) return result;
-    snprintf(name, sizeof name, "depth/%s.png", stamp_text(stamp, frame->timestamp_ns, 6));
-    if (!path_in(s, path, name)) return fail_file(s, name, errno);
-    const image_pixels picture = {.pixels = frame->depth,
-                                  .width = frame->width,
-                                  .height = frame->height,
-                                  .stride_bytes = (size_t)frame->row_stride_bytes};
-    if (image_write(path, &picture, why, sizeof why)) return sink_fail(sink, FATHOM_ERROR_WRITE, "%s", why);
-    result = name_it(s, &s->depth, "depth.txt", frame->timestamp_ns, name);
+    const image_pixels depth = {.pixels = frame->depth,
+                                .width = frame->width,
+                                .height = frame->height,
+                                .stride_bytes = (size_t)frame->row_stride_bytes};
+    const image_pixels confidence = {.pixels = frame->confidence,
+                                     .width = frame->width,
+                                     .height = frame->height,
+                                     .stride_bytes = (size_t)frame->confidence_stride_bytes,
+                                     .kind = IMAGE_GRAY8};
+    int result = FATHOM_OK;
+    if (frame->confidence)
+        result = write_picture(s, &s->confidence, "confidence.txt", "confidence", frame->timestamp_ns,
+                               &confidence);
+    if (!result) result = write_picture(s, &s->depth, "depth.txt", "depth", frame->timestamp_ns, &depth);
     if (!result) count_frame(s, &sink->status.frames, frame->timestamp_ns);
     return result;
 }
 
 static int write_image(fathom_sink *sink, const fathom_image *image) {
     folder_sink *s = of(sink);
-    char stamp[32], name[48], path[PATH_MAX], why[1024];
     if (image->format != FATHOM_IMAGE_RGB8)
         return sink_fail(sink, FATHOM_ERROR_UNSUPPORTED, "%.900s: images are written from RGB8 only",
                          s->folder);
-    if (!s->images.is_open && !folder_make(s->folder, "rgb")) return fail_file(s, "rgb", errno);
-    int result = need(s, &s->images, "rgb.txt", "t[s] file");
-    if (result) return result;
-    snprintf(name, sizeof name, "rgb/%s.png", stamp_text(stamp, image->timestamp_ns, 6));
-    if (!path_in(s, path, name)) return fail_file(s, name, errno);
     const image_pixels picture = {.pixels = image->data,
                                   .width = image->width,
                                   .height = image->height,
                                   .stride_bytes = (size_t)image->stride_bytes,
-                                  .rgb = true};
-    if (image_write(path, &picture, why, sizeof why)) return sink_fail(sink, FATHOM_ERROR_WRITE, "%s", why);
-    result = name_it(s, &s->images, "rgb.txt", image->timestamp_ns, name);
+                                  .kind = IMAGE_RGB8};
+    const int result = write_picture(s, &s->images, "rgb.txt", "rgb", image->timestamp_ns, &picture);
     if (!result) count_frame(s, &sink->status.images, image->timestamp_ns);
     return result;
 }
@@ -225,8 +239,7 @@ static int write_pose(fathom_sink *sink, int64_t timestamp_ns, const fathom_pose
     folder_sink *s = of(sink);
     char stamp[32];
     const double *p = pose->position, *q = pose->orientation;
-    const int result =
-        need(s, &s->poses, "groundtruth.txt", "t[s] tx ty tz qx qy qz qw, camera to world");
+    const int result = need(s, &s->poses, "groundtruth.txt", "t[s] tx ty tz qx qy qz qw, camera to world");
     if (result) return result;
     if (!line_file_add(&s->poses, "%s %.9f %.9f %.9f %.10f %.10f %.10f %.10f\n",
                        stamp_text(stamp, timestamp_ns, 1), p[0], p[1], p[2], q[0], q[1], q[2], q[3]) ||
@@ -310,6 +323,7 @@ static void close_all(fathom_sink *sink) {
     close_file(s, &s->poses, "groundtruth.txt");
     close_file(s, &s->images, "rgb.txt");
     close_file(s, &s->depth, "depth.txt");
+    close_file(s, &s->confidence, "confidence.txt");
     close_file(s, &s->imu, "imu.txt");
     free(s->folder);
     free(s->header);

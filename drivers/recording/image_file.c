@@ -135,10 +135,11 @@ int image_read_size(const char *path, int *width, int *height, char *error, size
 
 /* PNG's rows hold 16 bits high byte first. */
 static void put_row(const image_pixels *picture, int y, png_bytep out) {
-    const size_t w = (size_t)picture->width, tight = w * (picture->rgb ? 3 : 2);
+    static const size_t bytes[] = {[IMAGE_GRAY16] = 2, [IMAGE_GRAY8] = 1, [IMAGE_RGB8] = 3};
+    const size_t w = (size_t)picture->width, tight = w * bytes[picture->kind];
     const uint8_t *row = (const uint8_t *)picture->pixels +
                          (size_t)y * (picture->stride_bytes ? picture->stride_bytes : tight);
-    if (picture->rgb) {
+    if (picture->kind != IMAGE_GRAY16) {
         memcpy(out, row, tight);
         return;
     }
@@ -153,8 +154,9 @@ static int write_rows(struct png_job *job, const image_pixels *picture) {
     if (setjmp(png_jmpbuf(job->png))) return -1;
     png_init_io(job->png, job->file);
     png_set_IHDR(job->png, job->info, (png_uint_32)picture->width, (png_uint_32)picture->height,
-                 picture->rgb ? 8 : 16, picture->rgb ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY,
-                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+                 picture->kind == IMAGE_GRAY16 ? 16 : 8,
+                 picture->kind == IMAGE_RGB8 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     /* Level 1 with the one filter that suits smooth depth: libpng's own choice of filters costs five times as
      * long for files that are a few per cent smaller. */
     png_set_compression_level(job->png, 1);

@@ -1,8 +1,7 @@
-/* 16-bit depth and 8-bit colour images in PNG files, by libpng. Internal to drivers/ and examples/. */
+/* 16-bit depth, 8-bit grey and 8-bit colour images in PNG files, by libpng. Internal to drivers/ and examples/. */
 #ifndef FATHOM_IMAGE_FILE_H
 #define FATHOM_IMAGE_FILE_H
 
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -18,10 +17,10 @@ int image_read_size(const char *path, int *width, int *height, char *error, size
 
 /* An image to write. */
 typedef struct {
-    const void *pixels; /* uint16_t, or three bytes (R, G, B) per pixel */
+    const void *pixels; /* as the kind says */
     int width, height;
     size_t stride_bytes; /* from row to row; 0: tight */
-    bool rgb;
+    enum { IMAGE_GRAY16, IMAGE_GRAY8, IMAGE_RGB8 } kind; /* uint16_t, a byte, or three bytes (R, G, B) per pixel */
 } image_pixels;
 
 /* Writes an image; the file appears whole or not at all (written under another name, then renamed). */

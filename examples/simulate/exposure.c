@@ -7,6 +7,9 @@
  * pixels. Time-of-flight cameras lose the pixels that an edge passes over, too ("Probabilistic modeling of
  * motion blur for time-of-flight sensors", Sensors 22, 1182, 2022).
  *
+ * The other sensors are treated alike, without shadow. They match no pattern: the same step of 1 / z stands in for
+ * theirs, of which no source gives the size.
+ *
  * The Kinect's cameras read row by row, and its depth maps are sheared by that (Ringaby and Forssen 2011, "Scan
  * rectification for structured light range sensors with rolling shutters", ICCV). */
 #include "simulate/exposure.h"
@@ -15,7 +18,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "simulate/sensor_noise.h"
+#include "simulate/sensor_kinect.h"
 
 #define SUBFRAMES 5
 #define SPOT_PX 1.0 /* at 640x480 */
@@ -46,7 +49,7 @@ static void expose_pixel(const struct subframes *s, size_t pixel, float *depth, 
         least = fmin(least, 1.0 / z);
         most = fmax(most, 1.0 / z);
     }
-    const bool one = seen && !shadow_moves && SENSOR_DISPARITY_PX_M * (most - least) <= SPOT_PX;
+    const bool one = seen && !shadow_moves && KINECT_DISPARITY_PX_M * (most - least) <= SPOT_PX;
     depth[pixel] = one ? (float)(1.0 / mean) : s->depth[MIDDLE][pixel];
     lost[pixel] = !one;
 }
@@ -80,7 +83,7 @@ bool exposure_render(const struct exposure *exposure, const struct scene *scene,
                                 threads, subframes.depth[k], k == MIDDLE ? cosine : NULL);
         if (!shadow || !whole) continue;
         subframes.lit[k] = (uint8_t *)(buffer + SUBFRAMES * pixels) + (size_t)k * pixels;
-        sensor_lit(subframes.depth[k], camera->width, camera->height, camera->width / 640.0,
+        kinect_lit(subframes.depth[k], camera->width, camera->height, camera->width / 640.0,
                    subframes.lit[k]);
     }
     for (size_t pixel = 0; pixel < pixels && whole; pixel++) expose_pixel(&subframes, pixel, depth, lost);

@@ -14,7 +14,7 @@ struct exposure {
 /* Renders the image with stamp t, the middle of the middle row's exposure. depth: a pixel's mean over its exposure
  * where it sees a single surface, else its value at the middle of it; lost: pixels that don't see a single surface.
  * cosine: at the middle of the exposure; may be NULL. All of width x height. shadow: the projector's shadow counts, too
- * (as in sensor_measure). The rest as for render_depth; without motion the image is equal to render_depth's to the last
+ * (as in kinect_measure). The rest as for render_depth; without motion the image is equal to render_depth's to the last
  * bit. False when out of memory. */
 bool exposure_render(const struct exposure *exposure, const struct scene *scene,
                      const struct render_camera *camera, const struct camera_path *path, double t,

@@ -11,11 +11,9 @@
 #include "fathom/shell/log.h"
 #include "fathom_drivers.h"
 #include "simulate/imu_model.h"
-#include "simulate/sensor_noise.h"
 #include "simulate/simulate_options.h"
 
-#define FRAME_RATE 30.0
-#define FAR_M 13.0 /* just below what 16 bits hold */
+#define FAR_M 13.0       /* just below what 16 bits hold */
 #define DEPTH_SCALE 5000 /* units per metre: steps of 0.2 mm, 13.1 m at most */
 
 /* ---- The run ---- */
@@ -33,29 +31,24 @@ struct run {
     double path_m, turned_deg;
 };
 
-/* A 640x480 Kinect's, scaled; a pixel's centre has whole coordinates, so its edges lie at halves. */
-static struct render_camera camera_of(struct option_size size) {
-    const double x = size.width / 640.0, y = size.height / 480.0;
-    const double cx = 320.5 * x - 0.5, cy = 240.5 * y - 0.5;
-    return (struct render_camera){size.width, size.height, 585.0 * x, 585.0 * y, cx, cy};
-}
-
 static double frame_time(const struct run *run, long frame) {
     /* As depth.txt will say it, so that the pose belongs to the very stamp. */
-    return round(1e6 * (run->start + (double)frame / FRAME_RATE)) * 1e-6;
+    return round(1e6 * (run->start + (double)frame / run->options->rate)) * 1e-6;
 }
 
 static int prepare_path(struct run *run) {
     const struct simulate_options *o = run->options;
     char error[1024], file[4096];
     if (!o->motion) {
-        static const long usual[] = {[SCENE_ROOM] = 300, [SCENE_WALL] = 240, [SCENE_DESK] = 200};
+        static const long usual[] = {
+            [SCENE_ROOM] = 300, [SCENE_WALL] = 240, [SCENE_DESK] = 200}; /* of 1/30 s */
         camera_path_make(&run->path, &run->scene, o->still, o->speed, o->turn);
         run->frames = o->frames;
         if (!run->frames && o->kind == SCENE_CORRIDOR)
-            run->frames = (long)ceil(camera_path_seconds(&run->path) * FRAME_RATE);
+            run->frames = (long)ceil(camera_path_seconds(&run->path) * o->rate);
         else if (!run->frames)
-            run->frames = usual[o->kind] + lround(fmax(o->still - 0.5, 0.0) * FRAME_RATE);
+            run->frames =
+                lround((double)usual[o->kind] * o->rate / 30.0) + lround(fmax(o->still - 0.5, 0.0) * o->rate);
         if (run->frames > SIMULATE_MOST_FRAMES) run->frames = SIMULATE_MOST_FRAMES;
         return CLI_DONE;
     }
@@ -67,7 +60,7 @@ static int prepare_path(struct run *run) {
     if (camera_path_read(&run->path, file, error, sizeof error)) return cli_error(CLI_FAILED, "%s", error);
     run->start = ceil(1e6 * run->path.samples[0].t - 1e-3) * 1e-6;
     const double span = run->path.samples[run->path.count - 1].t - run->start;
-    run->frames = (long)fmin(floor(span * FRAME_RATE + 1e-6) + 1.0, SIMULATE_MOST_FRAMES);
+    run->frames = (long)fmin(floor(span * o->rate + 1e-6) + 1.0, SIMULATE_MOST_FRAMES);
     if (o->frames && o->frames < run->frames) run->frames = o->frames;
     return CLI_DONE;
 }
@@ -105,7 +98,8 @@ static void to_units(const float *depth, size_t pixels, uint16_t *units) {
 /* Of one frame. */
 struct picture {
     float *depth, *cosine;
-    uint8_t *lost; /* with blur: 1 where there is no depth */
+    uint8_t *lost;       /* with blur: 1 where there is no depth */
+    uint8_t *confidence; /* NULL: the sensor gives none */
     uint16_t *units;
 };
 
@@ -118,14 +112,22 @@ static bool take_picture(const struct run *run, long frame, double t, const stru
     const int threads = (int)o->threads;
     const bool rendered =
         o->blur ? exposure_render(&o->exposure, &run->scene, &run->camera, &run->path, t, FAR_M, threads,
-                                  !o->clean, p->depth, cosine, p->lost)
+                                  o->sensor->has_shadow && !o->clean, p->depth, cosine, p->lost)
                 : render_depth(&run->scene, &run->camera, pose, FAR_M, threads, p->depth, cosine);
     if (!rendered) return false;
-    if (!o->clean && !sensor_measure(p->depth, cosine, o->size.width, o->size.height, o->size.width / 640.0,
-                                     (uint64_t)o->seed, (uint64_t)frame))
-        return false;
-    for (size_t i = 0; o->blur && i < pixels; i++)
-        if (p->lost[i]) p->depth[i] = 0.0f;
+    const struct sensor_frame measured = {.camera = &run->camera,
+                                          .depth = p->depth,
+                                          .cosine = cosine,
+                                          .confidence = p->confidence,
+                                          .seed = (uint64_t)o->seed,
+                                          .number = frame,
+                                          .seconds = t - run->start};
+    if (!o->clean && !o->sensor->measure(&measured)) return false;
+    for (size_t i = 0; o->blur && i < pixels; i++) {
+        if (!p->lost[i]) continue;
+        p->depth[i] = 0.0f;
+        if (p->confidence) p->confidence[i] = 0;
+    }
     to_units(p->depth, pixels, p->units);
     return true;
 }
@@ -141,13 +143,15 @@ static int64_t to_ns(double seconds) {
 }
 
 /* The pose first: a frame that depth.txt names then has it, whenever the writing stops. */
-static int write_frame(struct run *run, double t, const uint16_t *units, const struct camera_pose *at) {
+static int write_frame(struct run *run, double t, const struct picture *picture,
+                       const struct camera_pose *at) {
     fathom_pose pose;
     const fathom_depth_frame frame = {.struct_size = sizeof frame,
                                       .width = run->camera.width,
                                       .height = run->camera.height,
                                       .timestamp_ns = to_ns(t),
-                                      .depth = units};
+                                      .depth = picture->units,
+                                      .confidence = picture->confidence};
     memcpy(pose.position, at->position, sizeof pose.position);
     quaternion_of(at->rotation, pose.orientation);
     const int result = fathom_sink_write_pose(run->sink, frame.timestamp_ns, &pose);
@@ -162,7 +166,7 @@ static int render_frames(struct run *run, const struct picture *picture, long *d
         camera_path_pose(&run->path, t, &pose);
         if (!take_picture(run, *done, t, &pose, picture))
             return cli_error(CLI_FAILED, "simulate: out of memory");
-        const int result = write_frame(run, t, picture->units, &pose);
+        const int result = write_frame(run, t, picture, &pose);
         if (result) return status_of(run, result);
         if (*done) add_motion(run, &before, &pose);
         before = pose;
@@ -211,7 +215,8 @@ static int write_rest(struct run *run) {
         .depth_units_per_metre = DEPTH_SCALE,
         .imu_clock_offset_ns = to_ns(m->clock_offset),
         .gravity = STANDARD_GRAVITY,
-        .lines_of = o->motion};
+        .lines_of = o->motion,
+        .min_confidence = o->clean ? 0 : o->sensor->min_confidence};
     memcpy(rig.imu_to_camera_rotation_deg, m->rotation_deg, sizeof m->rotation_deg);
     memcpy(rig.imu_to_camera_translation_m, m->translation, sizeof m->translation);
     int result = fathom_sink_write_rig(run->sink, &rig);
@@ -246,8 +251,9 @@ static int write_recording(struct run *run) {
     const size_t pixels = (size_t)o->size.width * (size_t)o->size.height;
     float *depth = malloc(2 * pixels * sizeof *depth);
     uint16_t *units = malloc(pixels * sizeof *units);
-    uint8_t *lost = malloc(pixels);
-    const struct picture picture = {depth, depth + pixels, lost, units};
+    uint8_t *lost = malloc(2 * pixels);
+    const bool sure = !o->clean && o->sensor->min_confidence > 0;
+    const struct picture picture = {depth, depth + pixels, lost, sure ? lost + pixels : NULL, units};
     long done = 0;
     int status = depth && units && lost ? write_rest(run) : cli_error(CLI_FAILED, "simulate: out of memory");
     if (status == CLI_DONE) {
@@ -290,7 +296,7 @@ static int simulate(const struct command *command, int argc, char **argv) {
     make_header(&run, argc, argv);
     if (!scene_make(&run.scene, options.kind, (uint64_t)options.seed, options.length))
         return cli_error(CLI_FAILED, "simulate: out of memory");
-    run.camera = camera_of(options.size);
+    run.camera = sensor_camera(options.sensor, options.size.width, options.size.height);
     cli_catch_interrupt();
     status = prepare_path(&run);
     if (status == CLI_DONE) status = check_free(&run);
@@ -309,6 +315,6 @@ const struct command command_simulate = {
     .words = {{"scene", offsetof(struct simulate_options, scene)},
               {"folder", offsetof(struct simulate_options, folder)}},
     .groups = simulate_groups,
-    .later = "--sensor --imu-error --texture",
+    .later = "--imu-error --texture",
     .output = "The last line on stdout is: frames=N path_m=X turned_deg=X folder=FOLDER",
     .run = simulate};

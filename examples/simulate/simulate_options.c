@@ -3,9 +3,6 @@
 
 #include <unistd.h>
 
-#define EXPOSURE_S 0.008 /* in a room without daylight; no one sensor's figure */
-#define ROLLING_S 0.010
-
 static bool set_grade(void *into, const char *option, const char *text) {
     struct simulate_options *o = into;
     o->grade = imu_grade_of(text);
@@ -23,6 +20,13 @@ static bool set_translation(void *into, const char *option, const char *text) {
     return parse_numbers(option, text, 3, -10.0, 10.0, o->mounting.translation);
 }
 
+static bool set_sensor(void *into, const char *option, const char *text) {
+    struct simulate_options *o = into;
+    o->sensor = sensor_of(text);
+    if (!o->sensor) cli_error(CLI_USAGE, "%s: '%s' is none of kinect, lidar, tof", option, text);
+    return o->sensor != NULL;
+}
+
 #define AT(field) offsetof(struct simulate_options, field)
 
 static const struct option_row scene[] = {
@@ -32,8 +36,8 @@ static const struct option_row scene[] = {
     {"--motion", "FOLDER", OPTION_TEXT, AT(motion),
      .help = "along FOLDER's groundtruth.txt; copies its imu.txt and rig.txt"},
     {"--frames", "N", OPTION_WHOLE, AT(frames), 1, SIMULATE_MOST_FRAMES,
-     .help =
-         "default: room 300, wall 240, desk 200, corridor by its length, with --motion as long as it lasts"},
+     .help = "default: room 10 s, wall 8 s, desk 6.7 s, corridor by its length, with --motion as long as it "
+             "lasts"},
     {"--speed", "F", OPTION_NUMBER, AT(speed), 0.01, 20.0,
      .help = "times the usual pace of 0.3 to 0.5 m/s and 25 deg/s (default 1)"},
     {"--turn", "F", OPTION_NUMBER, AT(turn), 0.0, 40.0,
@@ -43,9 +47,15 @@ static const struct option_row scene[] = {
     {0}};
 
 static const struct option_row camera[] = {
+    {"--sensor", "kinect|lidar|tof", OPTION_PARSED, .parse = set_sensor,
+     .help = "kinect: structured light, 640x480, 30 a second (default); lidar: a phone's, 256x192, 60 a "
+             "second, filled "
+             "in between few laser dots, with confidence.txt; tof: a time-of-flight camera, 512x424, 30 a "
+             "second"},
+    {"--rate", "HZ", OPTION_NUMBER, AT(rate), 1.0, 1000.0, .help = "frames a second (default: the sensor's)"},
     {"--clean", NULL, OPTION_FLAG, AT(clean),
      .help = "no sensor noise; an ideal IMU unless --imu-grade is given"},
-    {"--size", "WxH", OPTION_SIZE, AT(size), 16, 4096, .help = "default 640x480"},
+    {"--size", "WxH", OPTION_SIZE, AT(size), 16, 4096, .help = "default: the sensor's"},
     {"--blur", NULL, OPTION_FLAG, AT(blur),
      .help = "what motion does while a depth picture is taken: a pixel reads the mean of what passes over "
              "it, nothing where an edge does, and rows are taken one after another; a stamp is the middle "
@@ -53,7 +63,7 @@ static const struct option_row camera[] = {
     {"--exposure", "S", OPTION_NUMBER, AT(exposure.exposure_s), 0.0, 0.033,
      .help = "how long a row is exposed, with --blur (default 0.008; 0 to 0.033)"},
     {"--rolling", "S", OPTION_NUMBER, AT(exposure.rolling_s), 0.0, 0.033,
-     .help = "from the first row to the last, with --blur (default 0.01; 0 to 0.033)"},
+     .help = "from the first row to the last, with --blur (default 0.01 with kinect, else 0; 0 to 0.033)"},
     {0}};
 
 static const struct option_row imu[] = {
@@ -89,9 +99,9 @@ int simulate_options_read(struct simulate_options *o, const struct command *comm
         .turn = -1.0,
         .still = 0.5,
         .imu_rate = 200.0,
+        .sensor = &sensor_kinect,
         .exposure = {-1.0, -1.0},
         .seed = 1,
-        .size = {640, 480},
         .threads = sysconf(_SC_NPROCESSORS_ONLN),
         .mounting = {.rotation_deg = {0.8, -1.2, 90.0}, .translation = {0.025, -0.010, 0.004}}};
     if (o->threads < 1) o->threads = 1;
@@ -103,8 +113,10 @@ int simulate_options_read(struct simulate_options *o, const struct command *comm
     if (o->turn < 0.0) o->turn = o->speed;
     if (!o->blur && (o->exposure.exposure_s >= 0.0 || o->exposure.rolling_s >= 0.0))
         return cli_error(CLI_USAGE, "simulate: --exposure and --rolling go with --blur");
-    if (o->exposure.exposure_s < 0.0) o->exposure.exposure_s = EXPOSURE_S;
-    if (o->exposure.rolling_s < 0.0) o->exposure.rolling_s = ROLLING_S;
+    if (o->exposure.exposure_s < 0.0) o->exposure.exposure_s = o->sensor->exposure_s;
+    if (o->exposure.rolling_s < 0.0) o->exposure.rolling_s = o->sensor->rolling_s;
+    if (!o->size.width) o->size = (struct option_size){o->sensor->camera.width, o->sensor->camera.height};
+    if (!(o->rate > 0.0)) o->rate = o->sensor->rate_hz;
     if (!o->grade) o->grade = imu_grade_of(o->clean ? "ideal" : "consumer");
     return CLI_DONE;
 }

@@ -6,6 +6,7 @@
 #include "fathom/shell/options.h"
 #include "simulate/exposure.h"
 #include "simulate/imu_model.h"
+#include "simulate/sensor.h"
 
 #define SIMULATE_MOST_FRAMES 1000000 /* nine hours */
 
@@ -15,10 +16,11 @@ struct simulate_options {
     enum scene_kind kind;
     const struct imu_grade *grade;
     struct imu_mounting mounting;
+    const struct sensor *sensor;
     struct exposure exposure;
-    double length, speed, turn, still, imu_rate;
-    long seed, frames, threads; /* frames 0: the scene's usual number */
-    struct option_size size;
+    double length, speed, turn, still, imu_rate, rate; /* samples, frames a second */
+    long seed, frames, threads;                        /* frames 0: the scene's usual number */
+    struct option_size size;                           /* of the depth */
     bool clean, blur, force, progress;
 };
 

@@ -21,6 +21,21 @@ void aligner_close(aligner *a) {
     device_buffer_free(&a->sums);
 }
 
+#define LEARNING_RATE 0.1 /* weight of a frame in the logarithm of the shared error */
+
+void aligner_reset(aligner *a) {
+    a->shared_m = 0;
+    a->learnt = 0;
+}
+
+void aligner_learn(aligner *a, const alignment *trusted) {
+    if (!(trusted->shared_m > 0)) return;
+    const double rate = fmax(LEARNING_RATE, 1.0 / (1 + a->learnt));
+    a->shared_m =
+        a->learnt == 0 ? trusted->shared_m : a->shared_m * pow(trusted->shared_m / a->shared_m, rate);
+    a->learnt++;
+}
+
 /* Maximum sigma of a start's position: pairs are searched within three of it, since the cost of rays is proportional to
  * their length. With 0.05 a wrong pose passed (tests/unit/tracking/test_faults.c): misfits must be visible. */
 #define MOST_SIGMA_M 0.2
@@ -50,7 +65,8 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
     memset(e, 0, sizeof *e);
     for (int i = 0; i < 3; i++) e->centre[i] = limits.centre.s[i];
     float *sums = device_map(d, &a->sums, CL_MAP_READ);
-    for (int row = 0; sums && row < camera->height; row++) normal_equations_add(e, sums + row * SUMS);
+    for (int row = 0; sums && row < camera->height; row++)
+        normal_equations_add(e, sums + row * SUMS, row * SOLVE_BANDS / camera->height);
     device_unmap(d, &a->sums, sums);
 }
 
@@ -67,7 +83,8 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
         for (int i = 0; i < budget[level]; i++) {
             normal_equations e;
             solution s;
-            solve_prior prior = {.max_condition = c->max_condition, .correlated = CORRELATED_PAIRS};
+            solve_prior prior = {.max_condition = c->max_condition, .correlated = CORRELATED_PAIRS,
+                                 .max_sigma_m = c->max_sigma_m, .shared_m = a->shared_m};
             align_reduce(a, d, maps, level, &result->motion, &model[level], &maps->camera[level],
                          pair_distance(a, level, sigma), c->huber_m, centre, &e);
             result->iterations++;
@@ -80,6 +97,7 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             bool solved = solve_alignment(&e, held ? &prior : NULL, &s);
             memcpy(result->singular, s.singular, sizeof s.singular);
             result->condition = s.condition;
+            result->shared_m = s.shared_m;
             if (!solved || d->error != FATHOM_OK) break;
             for (int k = 0; k < 3; k++) centre[k] += e.point[k] / e.weight;
 
@@ -96,12 +114,14 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             if (held) {
                 information_to_scan(&result->motion, s.information, result->information);
                 pull_to_scan(&result->motion, s.pull, result->pull);
+                twist_to_scan(&result->motion, s.weakest, result->weakest);
+                result->weakest_sigma_m = s.weakest_sigma_m;
+                result->observed = s.observed;
             } else {
                 covariance_invert(result->covariance, result->information);
             }
 
-            bool small =
-                pose_angle(&update) < c->min_update_rad && pose_distance(&update) < c->min_update_m;
+            bool small = pose_angle(&update) < c->min_update_rad && pose_distance(&update) < c->min_update_m;
             bool level_error = last_error - error < c->min_error_decrease * last_error;
             last_error = error;
             if (small || level_error) break;

@@ -10,6 +10,8 @@ typedef struct {
     device_buffer sums; /* SUMS floats per row of the finest level */
     cl_kernel reduce;
     const fathom_config *config;
+    double shared_m; /* sigma of the error that pixels share, of the frames so far (solution.shared_m); 0: none yet */
+    int learnt;      /* number of those frames */
 } aligner;
 
 /* The result of an alignment. Motions map the scan's camera to the model's camera. */
@@ -23,10 +25,17 @@ typedef struct {
     double covariance[36]; /* of motion, in the scan camera's axes: motion * exp(error) */
     double information[36]; /* inverse covariance from the pairs alone: zero in directions that they leave free */
     double pull[6];         /* that information times the twist from motion to the optimum of the pairs alone */
+    double shared_m;        /* solution.shared_m */
+    int observed;           /* solution.observed, and the direction that is determined least, in the scan camera's axes */
+    double weakest[6], weakest_sigma_m;
 } alignment;
 
 void aligner_init(aligner *a, device *d, arena *block, const fathom_config *config, const depth_maps *maps);
 void aligner_close(aligner *a);
+void aligner_reset(aligner *a);
+
+/* Takes what a trusted alignment shows of the error that pixels share. */
+void aligner_learn(aligner *a, const alignment *trusted);
 
 /* Section 2: one reduction over all pixels of a level at a motion, against a model map of any camera. Waits for the
  * device. distance: maximum of a pair; huber_m: residual beyond which its weight falls; centre: see

@@ -18,6 +18,14 @@ void information_to_scan(const pose *motion, const double left[36], double out[3
     covariance_transport(transposed, left, out);
 }
 
+void twist_to_scan(const pose *motion, const double left[6], double out[6]) {
+    const pose inverse = pose_inverse(motion);
+    double adjoint[36];
+    pose_adjoint(&inverse, adjoint);
+    memset(out, 0, 6 * sizeof *out);
+    for (int i = 0; i < 36; i++) out[i / 6] += adjoint[i] * left[i % 6];
+}
+
 void pull_to_scan(const pose *motion, const double left[6], double out[6]) {
     double adjoint[36];
     pose_adjoint(motion, adjoint);

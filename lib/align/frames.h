@@ -13,9 +13,10 @@ typedef struct {
     double covariance[36];
 } align_prior;
 
-/* Convert covariance, information, and information times twist of a left perturbation to those of the right one. */
+/* Convert covariance, information, a twist, and information times twist of a left perturbation to those of the right one. */
 void covariance_to_scan(const pose *motion, const double left[36], double out[36]);
 void information_to_scan(const pose *motion, const double left[36], double out[36]);
+void twist_to_scan(const pose *motion, const double left[6], double out[6]);
 void pull_to_scan(const pose *motion, const double left[6], double out[6]);
 
 /* The prior of the next left twist of the motion, however far the motion is from the prior's mean: mean and

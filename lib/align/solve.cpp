@@ -7,19 +7,29 @@
  * this many times the noise is halved. */
 #define SHYNESS 30.0
 
+/* The error that the pixels of a frame share lasts over some frames, and the map takes it over: it is this many times what
+ * the residuals of one frame show. */
+#define SHARED_IN_TIME 2.0
+
 using Matrix6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-void normal_equations_add(normal_equations *e, const float *sums) {
+/* The upper triangle of A^T A, and A^T b. */
+static void add_system(const float *sums, double ata[36], double atb[6]) {
     int k = 0;
     for (int i = 0; i < 6; i++)
         for (int j = i; j < 6; j++, k++) {
-            e->ata[6 * i + j] += sums[k];
-            if (i != j) e->ata[6 * j + i] += sums[k];
+            ata[6 * i + j] += sums[k];
+            if (i != j) ata[6 * j + i] += sums[k];
         }
-    for (int i = 0; i < 6; i++) e->atb[i] += sums[21 + i];
+    for (int i = 0; i < 6; i++) atb[i] += sums[21 + i];
+}
+
+void normal_equations_add(normal_equations *e, const float *sums, int band) {
+    add_system(sums, e->ata, e->atb);
+    add_system(sums, e->band_ata[band], e->band_atb[band]);
     e->btb += sums[27];
     e->weight += sums[28];
     for (int i = 0; i < 3; i++) e->point[i] += sums[29 + i];
@@ -40,6 +50,44 @@ static Matrix6 about(const Vector3d &shift) {
     Matrix6 j = Matrix6::Identity();
     j.block<3, 3>(3, 0) = skew(shift);
     return j;
+}
+
+/* The variance of the solution by the cluster-robust ("sandwich") estimate, Liang and Zeger 1986: what the bands' residuals
+ * would contribute to it, H^-1 (sum of g g^T) H^-1 with g = A^T (b - A x) of each band, whatever correlates them within.
+ * Its mean over the directions that the pairs determine. scaled: x about the centroid to x about the reference. */
+static double shared_variance(const normal_equations *e, const Matrix6 &scaled, const Vector6 &y,
+                              const Matrix6 &v, const Vector6 &squared, double least) {
+    const Vector6 x = scaled * y;
+    Eigen::Matrix<double, 6, SOLVE_BANDS> g;
+    for (int i = 0; i < SOLVE_BANDS; i++) {
+        const Eigen::Map<const Matrix6> ata(e->band_ata[i]);
+        g.col(i) = scaled.transpose() * (Eigen::Map<const Vector6>(e->band_atb[i]) - ata * x);
+    }
+    g.colwise() -= g.rowwise().mean().eval();
+    double sum = 0;
+    int observed = 0;
+    for (int i = 0; i < 6; i++) {
+        if (squared[i] <= least) continue;
+        sum += (v.col(i).transpose() * g).squaredNorm() / (squared[i] * squared[i]);
+        observed++;
+    }
+    return observed > 0 ? sum / observed * SOLVE_BANDS / (SOLVE_BANDS - 1) : 0;
+}
+
+/* Which directions the pairs' information determines. */
+static void observe(const Matrix6 &own, const Matrix6 &to_origin, double max_sigma_m, solution *s) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(own); /* smallest first */
+    for (int i = 0; i < 6; i++) s->observed += eigen.eigenvalues()[i] * max_sigma_m * max_sigma_m > 1;
+    Eigen::Map<Vector6>(s->weakest) = to_origin * eigen.eigenvectors().col(0);
+    s->weakest_sigma_m = 1 / std::sqrt(std::max(eigen.eigenvalues()[0], 1.0));
+}
+
+/* The information of a measurement whose error has `variance` more in each direction: (Y^-1 + variance)^-1. */
+static Matrix6 widened(const Matrix6 &y, double variance, Vector6 *right) {
+    const Eigen::PartialPivLU<Eigen::Matrix<double, 6, 6>> more(Matrix6::Identity() + variance * y);
+    const Matrix6 out = more.solve(y);
+    *right = more.solve(*right).eval();
+    return 0.5 * (out + out.transpose());
 }
 
 bool solve_alignment(const normal_equations *e, const solve_prior *prior, solution *s) {
@@ -82,6 +130,8 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
         /* a pair's variance from the residual; minimum sigma 10 um, for scans without noise */
         double variance = std::max(s->residual / (e->pairs - 6), 1e-10) * prior->correlated;
         double noise = largest / (prior->max_condition * prior->max_condition);
+        const double shared = shared_variance(e, to_reference, y, v, squared, noise);
+        s->shared_m = std::sqrt(shared);
         Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;
         Vector6 right = joint * to_origin.inverse() * Eigen::Map<const Vector6>(prior->mean);
         Vector6 own_right = Vector6::Zero();
@@ -93,6 +143,9 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
             if (squared[i] > 1e-12 * largest)
                 own_right += v.col(i) * (information * projected[i] / squared[i]);
         }
+        const double lasting = SHARED_IN_TIME * std::max(prior->shared_m, s->shared_m);
+        own = widened(own, lasting * lasting, &own_right);
+        observe(own, to_origin, prior->max_sigma_m, s);
         joint += own;
         right += own_right;
         Matrix6 from_origin = to_origin.inverse();

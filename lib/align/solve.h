@@ -8,6 +8,8 @@
 extern "C" {
 #endif
 
+#define SOLVE_BANDS 12
+
 /* Sums over the kept pairs; see opencl/align.cl. Rotations and points are relative to `centre`. */
 typedef struct {
     double ata[36];       /* A^T A, row-major: rotation, then translation */
@@ -19,6 +21,8 @@ typedef struct {
     double pairs;         /* n */
     double overlap;       /* pixels where scan and model both have a surface */
     double centre[3];
+    /* A^T A and A^T b of each band of the map, SOLVE_BANDS from top to bottom: neighbouring pixels are in the same */
+    double band_ata[SOLVE_BANDS][36], band_atb[SOLVE_BANDS][6];
 } normal_equations;
 
 typedef struct {
@@ -32,10 +36,17 @@ typedef struct {
     /* of twist, from the pairs alone, in true units, without the share due to noise; zero without a prior */
     double information[36];
     double pull[6]; /* that information times the correction of twist that the pairs alone would add to the solution */
+    /* sigma of the error that pixels share, as these pairs show it: of the translation, and of the rotation about the
+     * pairs' centroid times their spread. 0: unknown */
+    double shared_m;
+    /* with a prior: the number of directions that the pairs alone determine to max_sigma_m, the one that they determine
+     * least, of length 1 where rotations are about the centroid and times the spread, and its sigma, 1 m at most */
+    int observed;
+    double weakest[6], weakest_sigma_m;
 } solution;
 
-/* Adds one strip's sums, as the kernel wrote them, in double precision. */
-void normal_equations_add(normal_equations *e, const float *sums);
+/* Adds one strip's sums, as the kernel wrote them, in double precision; band: 0..SOLVE_BANDS-1. */
+void normal_equations_add(normal_equations *e, const float *sums, int band);
 
 /* The inertial prior of the twist: mean and information (inverse covariance). */
 typedef struct {
@@ -45,12 +56,15 @@ typedef struct {
      * much comes from the noise of the normals alone */
     double max_condition;
     double correlated; /* number of pairs that count as one independent measurement beside the prior */
+    double max_sigma_m; /* of an observed direction */
+    double shared_m;   /* minimum of the error that pixels share: solution.shared_m of earlier frames */
 } solve_prior;
 
 /* Solves by singular value decomposition. Without a prior (NULL), directions whose singular value is below 1e-6 of the
  * largest are left alone (minimum norm). With one, its information is added to the pairs', from which the share due to
  * noise is subtracted first, so that inertia holds the directions that geometry leaves free; covariance is then the
- * joint one, in true units. False when there is nothing to solve: no pairs, or sums that aren't finite. */
+ * joint one, in true units. However many pairs there are, they are no surer than the error that they share: its variance
+ * is added to theirs in each direction. False when there is nothing to solve: no pairs, or sums that aren't finite. */
 bool solve_alignment(const normal_equations *e, const solve_prior *prior, solution *s);
 
 #ifdef __cplusplus

@@ -28,6 +28,7 @@ static void start_over(fathom *f) {
     inertial_reset(&f->inertial);
     pose_take(&f->config.first_pose, &f->pose);
     odometry_start(&f->odometry, &f->pose);
+    span_reset(&f->span);
     memset(f->covariance, 0, sizeof f->covariance);
     f->timestamp_ns = INT64_MIN;
     f->started = f->paused = f->said_full = false;

@@ -23,6 +23,7 @@ void plan_layout(fathom *f, arena *a, int blocks) {
     store_init(&f->store, &f->config);
     inertial_init(&f->inertial, a, &f->config);
     f->recent.results = arena_take(a, FATHOM_RECENT * sizeof *f->recent.results);
+    span_init(&f->span, a);
     whole_mesh_init(&f->patch, &f->device, a, &f->config);
     tracker_init(&f->tracker, &f->device, a, &f->config, &f->maps, &f->raycaster, &f->inertial);
     fusing_init(&f->fusing, &f->device, &f->config, &f->maps, &f->volume, &f->integrator, &f->store);

@@ -35,6 +35,23 @@ int fathom_get_pose(fathom *f, fathom_pose *at, double covariance[36]) {
     return FATHOM_OK;
 }
 
+int fathom_get_span(fathom *f, fathom_span *given) {
+    span_motion m;
+    fathom_span whole = FATHOM_STRUCT(fathom_span);
+    int e = call_begin(f);
+    if (e != FATHOM_OK) return e;
+    const size_t size = call_struct(f, given, "fathom_span");
+    if (size == 0) return FATHOM_ERROR_ARGUMENT;
+    if (!span_get(&f->span, &m))
+        return error_text_fail(&f->error, FATHOM_ERROR_NO_DATA, FATHOM_LOG_INFO, "there is no frame yet");
+    whole.from_ns = m.from_ns;
+    whole.to_ns = m.to_ns;
+    whole.motion = pose_give(&m.motion);
+    memcpy(whole.covariance, m.covariance, sizeof whole.covariance);
+    sized_out(given, size, &whole, sizeof whole);
+    return FATHOM_OK;
+}
+
 int fathom_get_rig(fathom *f, fathom_rig *rig) {
     fathom_rig whole = FATHOM_STRUCT(fathom_rig);
     int e = call_begin(f);

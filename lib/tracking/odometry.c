@@ -5,10 +5,6 @@
 
 #include "base/covariance.h"
 
-/* Drift of aligned poses together with the map; the covariance of a pose in the map doesn't include it. */
-#define DRIFT_RAD 2e-3 /* rad/sqrt(s) */
-#define DRIFT_M 1e-3   /* m/sqrt(s) */
-
 static void add(double sum[36], const double more[36]) {
     for (int i = 0; i < 36; i++) sum[i] += more[i];
 }

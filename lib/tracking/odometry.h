@@ -7,6 +7,10 @@
 
 #include "base/se3.h"
 
+/* Drift of aligned poses together with the map; the covariance of a pose in the map doesn't include it. */
+#define DRIFT_RAD 2e-3 /* rad/sqrt(s) */
+#define DRIFT_M 1e-3   /* m/sqrt(s) */
+
 typedef struct {
     pose at;               /* camera to world */
     double covariance[36]; /* at * exp(error), against the true world: the drift of the map counts too */

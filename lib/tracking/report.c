@@ -17,6 +17,12 @@ void report_alignment(const attempt *a, const tracking_cost *cost, fathom_result
     r->innovation_sigmas = (float)a->innovation;
     r->agreement = (float)a->agreement;
     r->see_through = (float)a->see_through;
+    if (a->verdict == FATHOM_VERDICT_TRACKING || a->verdict == FATHOM_VERDICT_UNCERTAIN) {
+        r->observed_directions = icp->observed;
+        r->weakest_sigma_m = (float)icp->weakest_sigma_m;
+        for (int i = 0; i < 6; i++) r->weakest_direction[i] = (float)icp->weakest[i];
+    }
+    r->contradicted = a->contradicted;
     r->searched = a->searched;
     r->seeded = a->seeded;
     r->by_velocity = a->by_velocity;

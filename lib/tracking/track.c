@@ -15,16 +15,16 @@
 
 /* Where inertia alone is as sure as this and alignment agrees with it, a surface that contradicts both for LASTING_S is
  * wrong (it has moved, or the sensor saw what isn't there: glass, smear), and gives way to the present frames. */
-#define CONFIRMED_M 0.02
+#define CONFIRMED_M 0.05
 #define CONFIRMED_RAD 0.02
 #define CONFIRMED_SIGMAS 3
 #define LASTING_S 0.1
-#define PAUSE_S 0.5 /* within which it is the same contradiction */
+#define PAUSE_S 0.5            /* within which it is the same contradiction */
 #define CONTRADICTED_TRUST 0.1 /* of alignment's information: it used that surface, too */
 
 /* more rounds from a proposed pose: where the weight of far pairs is small, alignment converges slowly */
 #define MAX_ROUNDS 4
-#define STAYS_M 0.002     /* a round that moves the pose by less has converged */
+#define STAYS_M 0.002 /* a round that moves the pose by less has converged */
 #define STAYS_RAD 0.002
 
 void tracker_init(tracker *t, device *d, arena *a, const fathom_config *config, depth_maps *maps,
@@ -48,6 +48,7 @@ void tracker_close(tracker *t) {
 }
 
 void tracker_reset(tracker *t) {
+    aligner_reset(&t->aligner);
     model_maps_forget(&t->models);
     t->strayed = false;
     t->contradicted_ns = t->contradiction_ns = INT64_MIN;
@@ -173,6 +174,34 @@ static double rotation_sigma(const double covariance[36]) {
     return sqrt(fmax(covariance[0], fmax(covariance[7], covariance[14])));
 }
 
+/* Weighs the pairs' information less against the prior's: with x from the present result, d to the prior's mean, P its
+ * covariance and Y the pairs' information, (P^-1 + trust Y) x = P^-1 d + trust pull. */
+static void trust_less(const align_prior *seed, alignment *icp) {
+    const pose way = pose_between(&icp->motion, &seed->mean);
+    double known[36], joint[36], twist[6], right[6];
+    if (!covariance_invert(seed->covariance, known)) return;
+    pose_log(&way, twist);
+    for (int i = 0; i < 36; i++) {
+        icp->information[i] *= CONTRADICTED_TRUST;
+        joint[i] = known[i] + icp->information[i];
+    }
+    for (int i = 0; i < 6; i++) {
+        icp->pull[i] *= CONTRADICTED_TRUST;
+        right[i] = icp->pull[i];
+        for (int j = 0; j < 6; j++) right[i] += known[6 * i + j] * twist[j];
+    }
+    if (!covariance_invert(joint, icp->covariance)) return;
+    for (int i = 0; i < 6; i++) {
+        twist[i] = 0;
+        for (int j = 0; j < 6; j++) twist[i] += icp->covariance[6 * i + j] * right[j];
+    }
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) icp->pull[i] -= icp->information[6 * i + j] * twist[j];
+    const pose correction = pose_exp(twist);
+    icp->motion = pose_multiply(&icp->motion, &correction);
+    pose_normalise(&icp->motion);
+}
+
 /* Ends a contradiction that lasts. */
 static void settle_contradiction(tracker *t, const align_prior *seed, int64_t timestamp_ns, attempt *icp) {
     const bool sure = covariance_position_sigma(seed->covariance) < CONFIRMED_M &&
@@ -180,17 +209,14 @@ static void settle_contradiction(tracker *t, const align_prior *seed, int64_t ti
     const bool lately =
         t->contradiction_ns != INT64_MIN && seconds_between(t->contradiction_ns, timestamp_ns) < PAUSE_S;
     icp->contradicted = lately;
-    if ((icp->verdict != FATHOM_VERDICT_CONTRADICTION && icp->verdict != FATHOM_VERDICT_RESIDUAL) || !sure) return;
+    if ((icp->verdict != FATHOM_VERDICT_CONTRADICTION && icp->verdict != FATHOM_VERDICT_RESIDUAL) || !sure)
+        return;
     if (!lately) t->contradicted_ns = timestamp_ns;
     t->contradiction_ns = timestamp_ns;
     if (seconds_between(t->contradicted_ns, timestamp_ns) < LASTING_S) return;
     icp->verdict = FATHOM_VERDICT_TRACKING;
     icp->contradicted = true;
-    for (int i = 0; i < 36; i++) {
-        icp->icp.information[i] *= CONTRADICTED_TRUST;
-        icp->icp.covariance[i] /= CONTRADICTED_TRUST;
-    }
-    for (int i = 0; i < 6; i++) icp->icp.pull[i] *= CONTRADICTED_TRUST;
+    trust_less(seed, &icp->icp);
 }
 
 /* Lost for long: this frame isn't searched for. */
@@ -212,6 +238,7 @@ bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, 
     second_attempt(t, &seed->mean, scan->timestamp_ns, icp);
     search(t, seed, icp);
     settle_contradiction(t, seed, scan->timestamp_ns, icp);
+    if (icp->verdict == FATHOM_VERDICT_TRACKING && !icp->contradicted) aligner_learn(&t->aligner, &icp->icp);
     return icp->verdict == FATHOM_VERDICT_TRACKING;
 }
 

@@ -333,6 +333,11 @@ typedef struct {
     int32_t blocks_dropped, blocks_restored;
     int32_t gyro_health, accel_health;
     float ms_maps, ms_align, ms_fuse, ms_raycast;
+    float ms_total;
+    int32_t observed_directions;
+    float weakest_direction[6];
+    float weakest_sigma_m;
+    float shared_error_m;
 } fathom_result;
 FATHOM_API int fathom_step(fathom *context, const fathom_depth_frame *frame, fathom_result *result);
 #define FATHOM_RECENT 60
@@ -340,6 +345,13 @@ FATHOM_API int32_t fathom_get_recent(fathom *context, fathom_result *results, in
 FATHOM_API int fathom_inertial_estimate(fathom *context, int64_t from_ns, int64_t to_ns,
                                         fathom_motion *motion);
 FATHOM_API int fathom_get_pose(fathom *context, fathom_pose *pose, double covariance[36]);
+typedef struct {
+    uint32_t struct_size;
+    uint32_t unused;
+    int64_t from_ns, to_ns;
+    fathom_pose motion;
+} fathom_span;
+FATHOM_API int fathom_get_span(fathom *context, fathom_span *span);
 typedef struct {
     uint32_t struct_size;
     int32_t intervals;

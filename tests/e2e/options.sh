@@ -17,7 +17,7 @@ replay FOLDER --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o --picture=p
 scan - --trajectory=t --mesh=m.ply --stats=s.csv --odometry=o $live $settings
 log FOLDER --force $live
 devices - --json --verbose
-simulate room_FOLDER --seed=2 --clean --motion=m --frames=3 --size=320x240 --length=20 --speed=2 --turn=1 --still=0 --blur
+simulate room_FOLDER --seed=2 --clean --motion=m --frames=3 --size=320x240 --length=20 --speed=2 --turn=1 --still=0 --blur --sensor=lidar --rate=20
     --exposure=0.01 --rolling=0.01 --imu-grade=phone --imu-rate=100 --imu-rotation=1,2,3 --imu-translation=0,0,0
     --imu-clock-offset=-0.1 --threads=1 --force --progress
 calibrate FOLDER --output=- --offset-start=0 --offset-range=1 --imu=i.txt --progress --verbose $settings
@@ -78,7 +78,7 @@ for option in --trajectory-final=f --trajectory-format=kitti --report=r.html --j
     wrong "${option%%=*}: not yet available" replay r $option
 done
 wrong 'not yet available' scan --serve
-wrong 'not yet available' simulate room r --sensor=tof
+wrong 'not yet available' simulate room r --texture=low
 wrong 'not yet available' calibrate r --color
 
 "$fathom" replay -- -folder >out 2>err

@@ -4,11 +4,12 @@
  *   VIRTUAL_DEPTH_RATE      frames a second (100)
  *   VIRTUAL_DEPTH_MIRRORED  1: pictures are mirrored, and that can't be changed
  *   VIRTUAL_DEPTH_CONTROL   a file with one word, looked at all the time: good, unplugged, stalled, short,
- *                           wrong-size, wrong-format, cropped, no-data, bad-stamp, losing (every third frame)
+ *                           wrong-size, wrong-format, cropped, no-data, bad-stamp, losing (every third frame),
+ *                           moved (to another address, as by another socket), busy (none can be opened)
  *
- * There are two cameras, VIRTUAL-1 and VIRTUAL-2; only the first one is ever unplugged. Frame number i (from 1)
- * shows the recording's frame (i - 1) modulo their number. Their clocks start at zero with the stream and run
- * 1000 parts a million fast. Colour is (i, x, y) modulo 256. */
+ * There are two cameras, VIRTUAL-1 and VIRTUAL-2; only the first one is ever unplugged or moved, and streams that were
+ * open then give no frames any more. Frame number i (from 1) shows the recording's frame (i - 1) modulo their number.
+ * Their clocks start at zero with the stream and run 1000 parts a million fast. Colour is (i, x, y) modulo 256. */
 #include <new>
 
 #define XN_NEW(type, ...) new type(__VA_ARGS__)
@@ -70,6 +71,8 @@ class Control {
         no_data,
         bad_stamp,
         losing,
+        moved,
+        busy,
         modes
     };
 
@@ -80,7 +83,7 @@ class Control {
     void look() {
         static const char *const words[modes] = {"good",       "unplugged",    "stalled", "short",
                                                  "wrong-size", "wrong-format", "cropped", "no-data",
-                                                 "bad-stamp",  "losing"};
+                                                 "bad-stamp",  "losing",       "moved",   "busy"};
         char word[32] = "";
         FILE *file = fopen(path.c_str(), "r");
         if (!file) return;
@@ -95,6 +98,18 @@ class Control {
     std::atomic<Mode> now{good};
 };
 
+/* Whether a camera has been plugged in ever since it was opened. */
+struct Plug {
+    const std::atomic<int> &changes;
+    const int changes_then;
+
+    explicit Plug(const std::atomic<int> &count) : changes(count), changes_then(count) {}
+
+    bool holds() const {
+        return changes == changes_then;
+    }
+};
+
 template <class T> OniStatus give(void *data, int *size, T value) {
     if (*size != int(sizeof value)) return ONI_STATUS_BAD_PARAMETER;
     memcpy(data, &value, sizeof value);
@@ -103,8 +118,8 @@ template <class T> OniStatus give(void *data, int *size, T value) {
 
 class Stream : public StreamBase {
   public:
-    Stream(const Recording &what, const Control &how, OniSensorType kind, bool pluggable)
-        : recording(what), control(how), type(kind), can_unplug(pluggable) {
+    Stream(const Recording &what, const Control &how, OniSensorType kind, const Plug &in)
+        : recording(what), control(how), type(kind), plug(in) {
         mode = {type == ONI_SENSOR_COLOR ? ONI_PIXEL_FORMAT_RGB888 : ONI_PIXEL_FORMAT_DEPTH_1_MM,
                 recording.width, recording.height, 30};
         mirrored = always_mirrored = variable("VIRTUAL_DEPTH_MIRRORED", "0") == "1";
@@ -177,7 +192,7 @@ class Stream : public StreamBase {
     const Recording &recording;
     const Control &control;
     const OniSensorType type;
-    const bool can_unplug;
+    const Plug plug;
     OniVideoMode mode;
     bool mirrored, always_mirrored;
     std::atomic<bool> running{false};
@@ -241,7 +256,7 @@ class Stream : public StreamBase {
             const timespec then = monotonic_timespec(start_ns + passed_ns);
             clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &then, nullptr);
             const Control::Mode now = control.mode();
-            if (now == Control::stalled || (now == Control::unplugged && can_unplug)) continue;
+            if (now == Control::stalled || !plug.holds()) continue;
             if (now == Control::losing && index % 3 == 0) continue;
             OniFrame *frame = getServices().acquireFrame();
             if (!frame) continue;
@@ -257,8 +272,8 @@ constexpr int Stream::properties[];
 
 class Device : public DeviceBase {
   public:
-    Device(const Recording &what, const Control &how, const char *name, bool pluggable)
-        : recording(what), control(how), serial(name), can_unplug(pluggable) {
+    Device(const Recording &what, const Control &how, const char *name, const std::atomic<int> &changes)
+        : recording(what), control(how), serial(name), plug(changes) {
         for (int fps : {30, 60})
             modes.push_back({ONI_PIXEL_FORMAT_DEPTH_1_MM, recording.width, recording.height, fps});
         modes.push_back({ONI_PIXEL_FORMAT_DEPTH_100_UM, recording.width, recording.height, 30});
@@ -274,7 +289,7 @@ class Device : public DeviceBase {
     }
 
     StreamBase *createStream(OniSensorType type) override {
-        return new Stream(recording, control, type, can_unplug);
+        return new Stream(recording, control, type, plug);
     }
 
     void destroyStream(StreamBase *stream) override {
@@ -303,7 +318,7 @@ class Device : public DeviceBase {
     const Recording &recording;
     const Control &control;
     const std::string serial;
-    const bool can_unplug;
+    const Plug plug;
     std::vector<OniVideoMode> modes;
     OniVideoMode color_mode;
     OniSensorInfo sensors[2];
@@ -312,29 +327,29 @@ class Device : public DeviceBase {
 class Driver : public DriverBase {
   public:
     explicit Driver(OniDriverServices *services) : DriverBase(services) {
-        for (int i = 0; i < 2; i++) {
+        for (int i = 0; i < 3; i++) {
             memset(&info[i], 0, sizeof info[i]);
             snprintf(info[i].uri, sizeof info[i].uri, "virtual/depth@9/%d", i + 1);
             snprintf(info[i].vendor, sizeof info[i].vendor, "Virtual");
-            snprintf(info[i].name, sizeof info[i].name, "Depth %d", i + 1);
+            snprintf(info[i].name, sizeof info[i].name, "Depth %d", i == 1 ? 2 : 1);
         }
     }
 
     OniStatus initialize(DeviceConnectedCallback connected, DeviceDisconnectedCallback disconnected,
                          DeviceStateChangedCallback changed, void *cookie) override {
         DriverBase::initialize(connected, disconnected, changed, cookie);
-        control.look();
-        plugged = control.mode() != Control::unplugged;
-        for (int i = 0; i < 2; i++)
-            if (i || plugged) deviceConnected(&info[i]);
+        follow();
+        deviceConnected(&info[1]);
         thread = std::thread(&Driver::run, this);
         return ONI_STATUS_OK;
     }
 
     DeviceBase *deviceOpen(const char *uri, const char *) override {
-        for (int i = 0; i < 2; i++)
-            if (strcmp(uri, info[i].uri) == 0 && (i || plugged))
-                return new Device(recording, control, i ? "VIRTUAL-2" : "VIRTUAL-1", i == 0);
+        if (control.mode() == Control::busy) return nullptr;
+        for (int i : {int(first), 1})
+            if (i >= 0 && strcmp(uri, info[i].uri) == 0)
+                return i == 1 ? new Device(recording, control, "VIRTUAL-2", none)
+                              : new Device(recording, control, "VIRTUAL-1", changes);
         return nullptr;
     }
 
@@ -354,20 +369,28 @@ class Driver : public DriverBase {
   private:
     Recording recording;
     Control control;
-    OniDeviceInfo info[2];
-    std::atomic<bool> plugged{true}, ending{false};
+    OniDeviceInfo info[3];       /* the two cameras, then the first one moved */
+    std::atomic<int> first{-1};  /* the first camera's place in info; -1: unplugged */
+    std::atomic<int> changes{0}; /* of that place */
+    const std::atomic<int> none{0};
+    std::atomic<bool> ending{false};
     std::thread thread;
+
+    void follow() {
+        control.look();
+        const Control::Mode mode = control.mode();
+        const int now = mode == Control::unplugged ? -1 : mode == Control::moved ? 2 : 0;
+        const int before = first;
+        if (before == now) return;
+        changes++;
+        first = now;
+        if (before >= 0) deviceDisconnected(&info[before]);
+        if (now >= 0) deviceConnected(&info[now]);
+    }
 
     void run() {
         while (!ending) {
-            control.look();
-            const bool now = control.mode() != Control::unplugged;
-            if (plugged.exchange(now) != now) {
-                if (now)
-                    deviceConnected(&info[0]);
-                else
-                    deviceDisconnected(&info[0]);
-            }
+            follow();
             const timespec period = {0, control_period_ms * 1000000};
             nanosleep(&period, nullptr);
         }

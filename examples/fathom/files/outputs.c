@@ -23,10 +23,12 @@ bool outputs_open(struct outputs *outputs, fathom_config *config) {
     return block_store_open(&outputs->dropped, outputs->mesh_file, config);
 }
 
-void outputs_add(struct outputs *outputs, const fathom_result *result) {
+void outputs_add(struct outputs *outputs, fathom *scan, const fathom_result *result) {
+    fathom_span span = FATHOM_STRUCT(fathom_span);
+    if (outputs->stats_file) fathom_get_span(scan, &span);
     if (!trajectory_add(&outputs->trajectory, result->timestamp_ns, &result->pose)) outputs->failed = true;
     if (!trajectory_add(&outputs->odometry, result->timestamp_ns, &result->odometry)) outputs->failed = true;
-    if (!stats_add(&outputs->stats, result)) outputs->failed = true;
+    if (!stats_add(&outputs->stats, result, &span)) outputs->failed = true;
 }
 
 void outputs_finish(struct outputs *outputs, fathom *scan, struct cli_log *log) {

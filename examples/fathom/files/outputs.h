@@ -24,7 +24,7 @@ extern const struct option_row outputs_options[];
 bool outputs_open(struct outputs *outputs, fathom_config *config);
 
 /* Adds a frame. */
-void outputs_add(struct outputs *outputs, const fathom_result *result);
+void outputs_add(struct outputs *outputs, fathom *scan, const fathom_result *result);
 
 /* Writes the mesh, also of an interrupted scan; log is the context's. */
 void outputs_finish(struct outputs *outputs, fathom *scan, struct cli_log *log);

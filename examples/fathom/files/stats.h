@@ -14,7 +14,7 @@ struct stats {
 
 /* As for a trajectory: false after an error message; without a file they do nothing. */
 bool stats_open(struct stats *stats, const char *path);
-bool stats_add(struct stats *stats, const fathom_result *result);
+bool stats_add(struct stats *stats, const fathom_result *result, const fathom_span *span);
 bool stats_close(struct stats *stats);
 
 /* The quantile 'share' (0..1) of the values, interpolated linearly; NAN without values. Sorts them. */

@@ -59,7 +59,7 @@ static int take_frame(struct scan *scan, const fathom_source_frame *frame) {
     if (stepped < 0)
         return cli_error(CLI_FAILED, "frame %" PRId64 ": %s", frame->index, log_reason(&scan->log, stepped));
     scan->last_ns = frame->depth->timestamp_ns;
-    outputs_add(&scan->outputs, &result);
+    outputs_add(&scan->outputs, scan->library.scan, &result);
     scan_report_frame(&scan->report, &scan->rig, &result, latency_ms);
     return CLI_DONE;
 }

@@ -99,7 +99,7 @@ static int step(struct replay *replay, int index, fathom_result *result, bool *t
 
 static void keep(struct replay *replay, int index, const fathom_result *result) {
     replay_report_add(&replay->report, result);
-    outputs_add(&replay->options.outputs, result);
+    outputs_add(&replay->options.outputs, replay->playback.library.scan, result);
     if (replay->options.verbose && result->state >= FATHOM_RECKONED) replay_report_explain(index, result);
     cli_progress(replay->report.path.count, fathom_state_name(result->state));
 }

@@ -98,6 +98,22 @@ static normal_equations sums(void) {
     return sums_about(centre);
 }
 
+/* The same with the sums of each band of the map: pairs with neighbouring numbers are in one. */
+static normal_equations banded_sums(void) {
+    normal_equations e = sums();
+    for (int i = 0; i < PAIRS; i++) {
+        const pair *q = &pairs[i];
+        const int band = i * SOLVE_BANDS / PAIRS;
+        double a[6];
+        row_of(q, e.centre, a);
+        for (int r = 0; r < 6; r++) {
+            for (int c = 0; c < 6; c++) e.band_ata[band][6 * r + c] += q->w * a[r] * a[c];
+            e.band_atb[band][r] += q->w * a[r] * q->b;
+        }
+    }
+    return e;
+}
+
 /* Eigenvalues of a symmetric matrix, largest first, by Jacobi's rotations. */
 static void eigenvalues(double m[36], double values[6]) {
     for (int sweep = 0; sweep < 60; sweep++)
@@ -133,8 +149,8 @@ static void strips_are_added_in_the_kernels_order(void **state) {
     for (int i = 0; i < 35; i++) strip[i] = (float)(i + 1);
     normal_equations e;
     memset(&e, 0, sizeof e);
-    normal_equations_add(&e, strip);
-    normal_equations_add(&e, strip);
+    normal_equations_add(&e, strip, 0);
+    normal_equations_add(&e, strip, SOLVE_BANDS - 1);
     int k = 0;
     for (int i = 0; i < 6; i++)
         for (int j = i; j < 6; j++, k++) {
@@ -143,6 +159,9 @@ static void strips_are_added_in_the_kernels_order(void **state) {
         }
     assert_int_equal(k, 21);
     for (int i = 0; i < 6; i++) assert_true(e.atb[i] == 2 * (22 + i));
+    const double *band = e.band_ata[SOLVE_BANDS - 1];
+    assert_true(band[0] == 1 && band[1] == 2 && band[6] == 2 && band[35] == 21 && e.band_ata[0][35] == 21);
+    assert_true(e.band_atb[0][5] == 27 && e.band_atb[SOLVE_BANDS - 1][0] == 22 && e.band_ata[1][0] == 0);
     assert_true(e.btb == 56 && e.weight == 58 && e.point[0] == 60 && e.point[1] == 62 && e.point[2] == 64);
     assert_true(e.point_squared == 66 && e.pairs == 68 && e.overlap == 70);
 }
@@ -494,9 +513,87 @@ static void nothing_to_solve_is_said(void **state) {
     assert_false(solve_alignment(&e, NULL, &s));
 }
 
+/* ---- the error that pixels share */
+
+/* Errors of each pair's own, and errors that a band's pairs have in common. */
+static void disturb(uint64_t seed, double own_m, double of_band_m) {
+    const uint64_t key = random_key(seed, 7);
+    for (int i = 0; i < PAIRS; i++)
+        pairs[i].b = own_m * random_normal(key, (uint64_t)i) +
+                     of_band_m * random_normal(key, (uint64_t)(PAIRS + i * SOLVE_BANDS / PAIRS));
+}
+
+/* The mean square of a twist that should be zero: of the translation of the pairs' centroid, and of the rotation times
+ * their spread. */
+static double square_about_the_pairs(const normal_equations *e, const double twist[6]) {
+    double c[3], lever[3], length = 0, sum = 0;
+    for (int i = 0; i < 3; i++) {
+        c[i] = e->point[i] / e->weight;
+        length += c[i] * c[i];
+    }
+    const double spread_squared = e->point_squared / e->weight - length;
+    for (int i = 0; i < 3; i++) c[i] += e->centre[i];
+    cross(twist, c, lever);
+    for (int i = 0; i < 3; i++) {
+        const double moved = twist[i + 3] + lever[i];
+        sum += moved * moved + spread_squared * twist[i] * twist[i];
+    }
+    return sum / 6;
+}
+
+/* What the bands' residuals say of the solution's error against that error itself, over many frames. */
+static void shared_error_is_as_large_as_the_solutions(double own_m, double of_band_m) {
+    double said = 0, was = 0;
+    random_pairs(5);
+    for (int k = 0; k < 400; k++) {
+        disturb((uint64_t)k, own_m, of_band_m);
+        const normal_equations e = banded_sums();
+        const solve_prior loose = {.information = {0}, .max_condition = 1e4, .correlated = 1};
+        solution s;
+        assert_true(solve_alignment(&e, &loose, &s));
+        said += s.shared_m * s.shared_m;
+        was += square_about_the_pairs(&e, s.twist);
+    }
+    if (!(said > 0.5 * was && said < 1.5 * was)) fail_msg("said %g, was %g m^2", said / 400, was / 400);
+}
+
+static void the_shared_error_of_pixels_of_their_own_is_the_solutions(void **state) {
+    (void)state;
+    shared_error_is_as_large_as_the_solutions(0.001, 0);
+}
+
+static void the_shared_error_of_bands_is_the_solutions(void **state) {
+    (void)state;
+    shared_error_is_as_large_as_the_solutions(0.0002, 0.001);
+}
+
+static void pairs_are_no_surer_than_the_error_that_they_share(void **state) {
+    (void)state;
+    const double shared_m = 0.003, most = 1 / (shared_m * shared_m);
+    random_pairs(6);
+    disturb(1, 1e-4, 0);
+    const normal_equations e = banded_sums();
+    solve_prior prior = {.information = {0}, .max_condition = 22, .correlated = 1};
+    solution alone, widened;
+    for (int i = 0; i < 6; i++) prior.information[7 * i] = 1;
+    assert_true(solve_alignment(&e, &prior, &alone));
+    prior.shared_m = shared_m;
+    assert_true(solve_alignment(&e, &prior, &widened));
+    assert_true(alone.shared_m == widened.shared_m && alone.shared_m < 1e-4);
+    for (int i = 3; i < 6; i++) {
+        assert_true(alone.information[7 * i] > 10 * most);
+        assert_true(widened.information[7 * i] < most && widened.information[7 * i] > most / 10);
+        assert_true(widened.covariance[7 * i] > 1 / most);
+    }
+    for (int i = 0; i < 6; i++) assert_true(fabs(alone.twist[i] - widened.twist[i]) < 1e-4);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(strips_are_added_in_the_kernels_order),
+        cmocka_unit_test(the_shared_error_of_pixels_of_their_own_is_the_solutions),
+        cmocka_unit_test(the_shared_error_of_bands_is_the_solutions),
+        cmocka_unit_test(pairs_are_no_surer_than_the_error_that_they_share),
         cmocka_unit_test(a_known_motion_is_recovered),
         cmocka_unit_test(composed_updates_converge_to_a_large_motion),
         cmocka_unit_test(residual_is_that_of_the_pairs),

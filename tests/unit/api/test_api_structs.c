@@ -459,7 +459,8 @@ static void growing_structs_end_without_padding(void **state) {
     ENDS_WITH(fathom_memory_plan, device);
     ENDS_WITH(fathom_image, data);
     ENDS_WITH(fathom_depth_frame, image);
-    ENDS_WITH(fathom_result, ms_total);
+    ENDS_WITH(fathom_result, contradicted);
+    ENDS_WITH(fathom_span, covariance);
     ENDS_WITH(fathom_rig, clock_sigma_ns);
     ENDS_WITH(fathom_counters, blocks_lost);
     ENDS_WITH(fathom_view, far_m);

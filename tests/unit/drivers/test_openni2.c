@@ -173,6 +173,22 @@ static void cameras_are_listed(void **state) {
     assert_non_null(strstr(text, "openni2:virtual/depth@9/2|Virtual Depth 2|VIRTUAL-2|1|0\n"));
 }
 
+/* Leaves no zeros where the next call has its variables. */
+static __attribute__((noinline)) void fill_stack(void) {
+    volatile char bytes[65536];
+    for (size_t i = 0; i < sizeof bytes; i++) bytes[i] = 'x';
+}
+
+static void a_camera_in_use_elsewhere_is_listed_without_serial(void **state) {
+    (void)state;
+    char text[1024] = "", line[128];
+    snprintf(line, sizeof line, "openni2:virtual/depth@9/1|Virtual Depth 1||1|%d\n", FATHOM_ERROR_DEVICE);
+    behave("busy");
+    fill_stack();
+    assert_true(fathom_sources_enumerate("openni2", collect, text, keep_log, NULL) >= 2);
+    if (!strstr(text, line)) fail_msg("'%s' isn't in: %s", line, text);
+}
+
 static void pixels_stamps_and_view(void **state) {
     (void)state;
     fathom_source_frame before = {0}, frame;
@@ -368,6 +384,38 @@ static void a_camera_that_comes_back_goes_on(void **state) {
     const int64_t before_ns = monotonic_now_ns();
     fathom_source_close(source); /* while it is being looked for */
     assert_true(monotonic_now_ns() - before_ns < 500000000);
+}
+
+/* In another socket it has another address. */
+static void a_camera_that_moved_goes_on_and_is_watched_there(void **state) {
+    (void)state;
+    fathom_source *source = open_source("openni2:VIRTUAL-1", (fathom_source_options){.reconnect = true});
+    assert_int_equal(fathom_source_start(source), FATHOM_OK);
+    next_frame(source);
+    behave("moved");
+    for (int i = 0; i < 200 && status_of(source).reconnects < 1; i++) usleep(10000);
+    drain(source);
+    const fathom_source_frame frame = next_frame(source);
+    check_pixels(&frame, 1);
+    assert_int_equal(status_of(source).unplugged, 1);
+    const int64_t before_ns = monotonic_now_ns();
+    behave("unplugged");
+    wait_for_state(source, FATHOM_SOURCE_UNPLUGGED);
+    assert_true(monotonic_now_ns() - before_ns < 500000000);
+    fathom_source_close(source);
+}
+
+static void a_camera_replugged_between_stop_and_start_starts(void **state) {
+    (void)state;
+    fathom_source *source = open_source("openni2:VIRTUAL-1", (fathom_source_options){0});
+    for (int round = 0; round < 2; round++) { /* before the first start, and after a stop */
+        behave("unplugged");
+        behave("good");
+        assert_int_equal(fathom_source_start(source), FATHOM_OK);
+        for (int i = 0; i < 5; i++) next_frame(source);
+        assert_int_equal(fathom_source_stop(source), FATHOM_OK);
+    }
+    fathom_source_close(source);
 }
 
 static void silence_is_a_stall_and_no_unplug(void **state) {
@@ -725,6 +773,7 @@ int main(int count, char **arguments) {
     snprintf(folder, sizeof folder, "%s", private_folder);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(cameras_are_listed, start_test),
+        cmocka_unit_test_setup(a_camera_in_use_elsewhere_is_listed_without_serial, start_test),
         cmocka_unit_test_setup(pixels_stamps_and_view, start_test),
         cmocka_unit_test_setup(drift_is_found, start_test),
         cmocka_unit_test_setup(a_camera_is_chosen_by_serial, start_test),
@@ -735,6 +784,8 @@ int main(int count, char **arguments) {
         cmocka_unit_test_setup(mirrored_pictures_are_turned_round, start_test),
         cmocka_unit_test_setup(an_unplugged_camera_ends_the_source, start_test),
         cmocka_unit_test_setup(a_camera_that_comes_back_goes_on, start_test),
+        cmocka_unit_test_setup(a_camera_that_moved_goes_on_and_is_watched_there, start_test),
+        cmocka_unit_test_setup(a_camera_replugged_between_stop_and_start_starts, start_test),
         cmocka_unit_test_setup(silence_is_a_stall_and_no_unplug, start_test),
         cmocka_unit_test_setup(frames_without_sense_are_left_out, start_test),
         cmocka_unit_test_setup(missing_frames_are_counted, start_test),

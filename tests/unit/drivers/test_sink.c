@@ -276,6 +276,45 @@ static void images_are_written_beside_the_depth(void **state) {
     fathom_sink_close(sink);
 }
 
+static void confidence_is_written_beside_the_depth(void **state) {
+    (void)state;
+    uint8_t sure[HEIGHT][WIDTH + 3], got[HEIGHT * WIDTH];
+    fathom_sink_rig rig = usual_rig();
+    rig.min_confidence = 2;
+    fathom_sink *sink = open_sink(false);
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH + 3; x++) sure[y][x] = x < WIDTH ? (uint8_t)((x + y) % 3) : 77;
+    fathom_depth_frame frame = {.struct_size = sizeof frame,
+                                .width = WIDTH,
+                                .height = HEIGHT,
+                                .row_stride_bytes = sizeof pixels[0],
+                                .timestamp_ns = 1500000000,
+                                .depth = pixels[0],
+                                .confidence = sure[0],
+                                .confidence_stride_bytes = sizeof sure[0]};
+    assert_int_equal(fathom_sink_write_rig(sink, &rig), FATHOM_OK);
+    assert_int_equal(put_frame(sink, 0), FATHOM_OK); /* without */
+    assert_int_equal(fathom_sink_write_depth(sink, &frame), FATHOM_OK);
+    frame.timestamp_ns++;
+    frame.confidence_stride_bytes = WIDTH - 1;
+    assert_int_equal(fathom_sink_write_depth(sink, &frame), FATHOM_ERROR_ARGUMENT);
+    assert_int_equal(fathom_sink_close(sink), FATHOM_OK);
+
+    fathom_recording *r = read_back();
+    assert_int_equal(r->frame_count, 2);
+    assert_int_equal(r->min_confidence, 2);
+    assert_int_equal(fathom_recording_read_confidence(r, 0, got), FATHOM_ERROR_NO_DATA);
+    assert_int_equal(fathom_recording_read_confidence(r, 1, got), FATHOM_OK);
+    for (int i = 0; i < HEIGHT * WIDTH; i++) assert_int_equal(got[i], (i % WIDTH + i / WIDTH) % 3);
+    fathom_recording_close(r);
+
+    sink = open_sink(true); /* takes the old ones away */
+    assert_int_equal(put_frame(sink, 0), FATHOM_OK);
+    assert_int_equal(fathom_sink_close(sink), FATHOM_OK);
+    assert_int_equal(size_of("confidence.txt"), -1);
+    assert_int_equal(size_of("confidence/000001.500000000.png"), -1);
+}
+
 static void another_recordings_rig_and_samples_are_copied(void **state) {
     (void)state;
     char from[300], path[600];
@@ -360,6 +399,7 @@ int main(void) {
         cmocka_unit_test_setup(a_full_disk_is_told_and_what_came_before_stays_whole, next_folder),
         cmocka_unit_test_setup(a_folder_that_isnt_empty_is_left_alone_without_force, next_folder),
         cmocka_unit_test_setup(images_are_written_beside_the_depth, next_folder),
+        cmocka_unit_test_setup(confidence_is_written_beside_the_depth, next_folder),
         cmocka_unit_test_setup(another_recordings_rig_and_samples_are_copied, next_folder),
         cmocka_unit_test_setup(samples_may_come_on_another_thread_than_frames, next_folder),
         cmocka_unit_test_setup(wrong_arguments_are_refused, next_folder),

@@ -13,7 +13,7 @@
 #include "fathom/commands.h"
 #include "fathom/shell/cli.h"
 #include "simulate/exposure.h"
-#include "simulate/sensor_noise.h"
+#include "simulate/sensor_kinect.h"
 
 #define WIDTH 160
 #define HEIGHT 120
@@ -99,7 +99,7 @@ static void the_shadow_moves_with_its_edge(void **state) {
     make_scene(&scene, 1.0);
     make_path(&path, samples, 2);
     assert_true(exposure_render(&exposure, &scene, &camera, &path, 0.25, 13.0, 2, true, depth, NULL, lost));
-    const double band = 2.0 * 0.03 * FOCAL, shadow = SENSOR_DISPARITY_PX_M / 4.0 * (1.0 - 1.0 / 3.0);
+    const double band = 2.0 * 0.03 * FOCAL, shadow = KINECT_DISPARITY_PX_M / 4.0 * (1.0 - 1.0 / 3.0);
     for (int y = 0; y < HEIGHT; y++) {
         /* The shadow's end sweeps a band as wide as the edge's. The shadow is narrower, so the two overlap, and
          * half a pixel of it counts as lit. */

@@ -15,7 +15,7 @@
 #include "recording/image_file.h"
 #include "simulate/camera_path.h"
 #include "simulate/imu_model.h"
-#include "simulate/sensor_noise.h"
+#include "simulate/sensor_kinect.h"
 
 #define WIDTH 160
 #define HEIGHT 120
@@ -222,10 +222,10 @@ static void noise_has_the_models_sigma(void **state) {
              */
             for (int i = 0; i < PIXELS; i++) depth[i] = (float)(z * (1.0 + 0.05 * i / PIXELS));
             memcpy(second, depth, sizeof second);
-            assert_true(sensor_measure(depth, cosine, WIDTH, HEIGHT, 0.25, 5, frame));
+            assert_true(kinect_measure(depth, cosine, WIDTH, HEIGHT, 0.25, 5, frame));
             for (int i = 0; i < PIXELS; i++) {
                 assert_true(depth[i] > 0.0f);
-                const double scale = sensor_axial_sigma(second[i]), e = (depth[i] - second[i]) / scale;
+                const double scale = kinect_axial_sigma(second[i]), e = (depth[i] - second[i]) / scale;
                 sum += e;
                 square += e * e;
                 n++;
@@ -250,7 +250,7 @@ static void noise_loses_edges_and_grazing_surfaces(void **state) {
         if (i / WIDTH > HEIGHT - 10) depth[i] = 9.0f;
         cosine[i] = i / WIDTH < 40 ? 0.1f : 1.0f;
     }
-    assert_true(sensor_measure(depth, cosine, WIDTH, HEIGHT, 0.25, 5, 0));
+    assert_true(kinect_measure(depth, cosine, WIDTH, HEIGHT, 0.25, 5, 0));
     for (int y = 0; y < HEIGHT; y++)
         for (int x = 0; x < WIDTH; x++) {
             const bool lost = depth[y * WIDTH + x] == 0.0f;

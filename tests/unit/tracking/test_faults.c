@@ -12,7 +12,7 @@
 
 #include "simulate/camera_path.h"
 #include "simulate/imu_model.h"
-#include "simulate/sensor_noise.h"
+#include "simulate/sensor_kinect.h"
 #include "base/se3.h"
 #include "synthetic.h"
 
@@ -83,7 +83,7 @@ static const synthetic_frame *frame_of(int i) {
     if (f->timestamp_ns != 0) return f;
     camera_path_pose(&path, frame_time(i), &at);
     assert_true(render_depth(&scene, &camera, &at, 12.0, 2, depth, cosine));
-    assert_true(sensor_measure(depth, cosine, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, SYNTHETIC_WIDTH / 640.0, SYNTHETIC_SEED,
+    assert_true(kinect_measure(depth, cosine, SYNTHETIC_WIDTH, SYNTHETIC_HEIGHT, SYNTHETIC_WIDTH / 640.0, SYNTHETIC_SEED,
                                (uint64_t)i));
     f->timestamp_ns = ns(frame_time(i));
     for (int k = 0; k < SYNTHETIC_PIXELS; k++) f->depth[k] = (uint16_t)lround(depth[k] * SYNTHETIC_UNITS);

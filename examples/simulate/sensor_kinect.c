@@ -8,7 +8,7 @@
  *   - axial noise, growing with distance squared and beyond 60 degrees with the angle (the same, eq. for
  * sigma_z);
  *   - disparity comes in steps of an eighth of a pixel (Khoshelham and Elberink 2012, section 2.2). */
-#include "simulate/sensor_noise.h"
+#include "simulate/sensor_kinect.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -16,9 +16,10 @@
 #include <string.h>
 
 #include "simulate/counter_random.h"
+#include "simulate/sensor.h"
 
 #define FOCAL_PX 585.0
-#define BASELINE_M (SENSOR_DISPARITY_PX_M / FOCAL_PX)
+#define BASELINE_M (KINECT_DISPARITY_PX_M / FOCAL_PX)
 #define DISPARITY_STEPS 8.0 /* a pixel */
 #define NEAREST_M 0.4
 #define FARTHEST_M 8.0
@@ -40,7 +41,7 @@ struct measurement {
     uint64_t key[STREAMS];
 };
 
-double sensor_axial_sigma(double z) {
+double kinect_axial_sigma(double z) {
     return 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4);
 }
 
@@ -76,7 +77,7 @@ static void make_noise(struct measurement *m) {
 
 /* A pixel is in shadow when something farther right meets the same projector ray nearer. Seen from the
  * projector, to the right by the baseline, a pixel lies in column u - f b / z. */
-void sensor_lit(const float *depth, int width, int height, double scale, uint8_t *lit) {
+void kinect_lit(const float *depth, int width, int height, double scale, uint8_t *lit) {
     const double shift = FOCAL_PX * scale * BASELINE_M;
     for (int y = 0; y < height; y++) {
         const float *z = depth + (size_t)y * (size_t)width;
@@ -122,7 +123,7 @@ static float measure_pixel(const struct measurement *m, int x, int y) {
     const double z = m->truth[at];
     if (!m->lit[at] || z < NEAREST_M || z > FARTHEST_M) return 0.0f;
 
-    double sigma = sensor_axial_sigma(z);
+    double sigma = kinect_axial_sigma(z);
     if (m->cosine[at] < 0.5f) {
         const double angle = acos(fmax(m->cosine[at], 0.0)), left = fmax(1.5707963267948966 - angle, 0.02);
         const double loss = (angle - GRAZING_FROM) / (GRAZING_TO - GRAZING_FROM);
@@ -140,7 +141,7 @@ static float measure_pixel(const struct measurement *m, int x, int y) {
     return measured >= NEAREST_M && measured <= FARTHEST_M ? (float)measured : 0.0f;
 }
 
-bool sensor_measure(float *depth, const float *cosine, int width, int height, double scale, uint64_t seed,
+bool kinect_measure(float *depth, const float *cosine, int width, int height, double scale, uint64_t seed,
                     uint64_t frame) {
     const size_t pixels = (size_t)width * (size_t)height;
     float *buffers = malloc(3 * pixels * sizeof(float) + pixels);
@@ -156,10 +157,25 @@ bool sensor_measure(float *depth, const float *cosine, int width, int height, do
     for (uint64_t i = 0; i < STREAMS; i++) m.key[i] = random_key(seed, 0x5e500000u + frame * STREAMS + i);
     memcpy(m.truth, depth, pixels * sizeof(float));
     make_noise(&m);
-    sensor_lit(m.truth, width, height, scale, m.lit);
+    kinect_lit(m.truth, width, height, scale, m.lit);
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)
             depth[(size_t)y * (size_t)width + (size_t)x] = measure_pixel(&m, x, y);
     free(buffers);
     return true;
 }
+
+static bool measure(const struct sensor_frame *frame) {
+    const struct render_camera *c = frame->camera;
+    return kinect_measure(frame->depth, frame->cosine, c->width, c->height, c->width / 640.0, frame->seed,
+                          (uint64_t)frame->number);
+}
+
+const struct sensor sensor_kinect = {.name = "kinect",
+                                     .camera = {640, 480, 585.0, 585.0, 320.0, 240.0},
+                                     .rate_hz = 30.0,
+                                     .exposure_s =
+                                         0.008, /* in a room without daylight; no one sensor's figure */
+                                     .rolling_s = 0.010,
+                                     .has_shadow = true,
+                                     .measure = measure};
