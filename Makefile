@@ -157,6 +157,7 @@ help:
 	@echo "make bench-scale  time and memory as the work grows: depth, voxels, way, threads; into docs/SCALE.md"
 	@echo "make instructions  count the stages' instructions into tests/bench/instructions.txt, which make check holds"
 	@echo "make reproduce  the paper's claims as experiments, into docs/RESULTS.md (SECTIONS=a,d: only these)"
+	@echo "make judge      accuracy over all recordings, within an hour, beside tests/judge/recorded (JUDGE='--only kitchen'; DATA=FOLDER)"
 	@echo "make settings   docs/SETTINGS.md from the library's table of settings"
 	@echo "make install    to PREFIX=$(PREFIX) (DESTDIR for packagers); make uninstall takes it away again"
 	@echo "make clean      remove build/ and out/"
@@ -197,6 +198,13 @@ SECTIONS ?= a,b,c,d,e,f,g
 reproduce: deps
 	@$(MAKE) --no-print-directory all reproduce-tools
 	sh tests/reproduce/reproduce.sh $(BUILD) --sections $(SECTIONS) $(REPRODUCE)
+
+# A build over all recordings, beside the recorded table. DATA: a folder of recordings of one's own; JUDGE: further options of
+# tests/judge/judge.py, e.g. --only kitchen, --record.
+.PHONY: judge
+judge: deps
+	@$(MAKE) --no-print-directory $(PARALLEL) all
+	sh tests/judge/judge.sh $(BUILD) $(if $(DATA),--data '$(DATA)') $(JUDGE)
 
 # The page of settings; make check holds it to the table.
 .PHONY: settings

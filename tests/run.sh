@@ -92,7 +92,7 @@ list() {
 list | grep -E -e "${2-.}" >"$log/list"
 
 # The longest begin first, so that none is left alone at the end.
-longest="e2e_accuracy e2e_fuzz e2e_thread_sanitizer e2e_reproduce"
+longest="e2e_judge e2e_accuracy e2e_fuzz e2e_thread_sanitizer e2e_reproduce"
 {
     for name in $longest; do grep "^$name " "$log/list"; done
     for name in $longest; do echo "^$name "; done | grep -v -f - "$log/list"
