@@ -249,10 +249,10 @@ static void null_arguments_are_refused(void **state) {
     assert_int_equal(fathom_get_pose(NULL, &pose, NULL), refused);
     assert_int_equal(fathom_get_pose(s.scan, NULL, NULL), refused);
     assert_int_equal(fathom_get_pose(s.scan, &pose, NULL), FATHOM_OK);
-    fathom_span span = FATHOM_STRUCT(fathom_span);
-    assert_int_equal(fathom_get_span(NULL, &span), refused);
+    fathom_span second = FATHOM_STRUCT(fathom_span);
+    assert_int_equal(fathom_get_span(NULL, &second), refused);
     assert_int_equal(fathom_get_span(s.scan, NULL), refused);
-    assert_int_equal(fathom_get_span(s.scan, &span), FATHOM_ERROR_NO_DATA);
+    assert_int_equal(fathom_get_span(s.scan, &second), FATHOM_ERROR_NO_DATA);
     assert_int_equal(fathom_get_counters(NULL, &counters), refused);
     assert_int_equal(fathom_get_counters(s.scan, NULL), refused);
     assert_int_equal(fathom_cast_view(NULL, &view, depth, NULL), refused);

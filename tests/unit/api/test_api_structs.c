@@ -416,8 +416,8 @@ static void every_call_on_a_dead_context_says_so(void **state) {
     assert_int_equal(fathom_get_rig(f, &rig), dead);
     assert_int_equal(fathom_get_counters(f, &counters), dead);
     assert_int_equal(fathom_inertial_estimate(f, 0, 1, &motion), dead);
-    fathom_span span = FATHOM_STRUCT(fathom_span);
-    assert_int_equal(fathom_get_span(f, &span), dead);
+    fathom_span second = FATHOM_STRUCT(fathom_span);
+    assert_int_equal(fathom_get_span(f, &second), dead);
     assert_int_equal(fathom_get_recent(f, &r, 1), dead);
     assert_int_equal(fathom_save_kernels(f, "/dev/null"), dead);
     assert_int_equal(fathom_extract_mesh(f, 0, synthetic_triangles, NULL), dead);
