@@ -10,7 +10,7 @@
 #define APART_S 0.0075  /* ... further apart than this; of those that aren't, the first is kept */
 
 /* As the camera moves on, surface that was fused at a pose with an error is what the next poses are aligned with: the map
- * drifts by so many times the error that pixels share, over a metre of way or a radian of turning. Found by the normalised
+ * drifts by so many times the error that pixels share, over a metre of way or a radian of turning. Fitted to the normalised
  * error of simulated sensors and of recordings (docs/RESULTS.md); turning per metre of it. */
 #define DRIFT_OF_SHARED 18.0
 #define DRIFT_TURN 0.5 /* rad/m */
