@@ -679,10 +679,10 @@ typedef struct {
     float ms_maps, ms_align, ms_fuse, ms_raycast;
     float ms_total;
     int32_t observed_directions; /* number of directions, of six, that the pairs alone determine to max_sigma_m (rotations
-                                    about their centroid, times their spread); 0 where alignment wasn't used. The others
-                                    are inertia's */
+                                    about their centroid, times their spread); 0 where alignment wasn't used, and with
+                                    FATHOM_PRIOR_SEED. The others are inertia's */
     float weakest_direction[6]; /* the direction that the pairs determine least, a twist in the camera's axes: rotation
-                                   in rad, then translation in metres; zero where alignment wasn't used */
+                                   in rad, then translation in metres; zero where observed_directions isn't counted */
     float weakest_sigma_m;      /* sigma of the pose along it by the pairs alone (1 m at most): of so many times that
                                    twist */
     float shared_error_m;       /* sigma of the error that the pixels of a frame share, estimated while scanning: no

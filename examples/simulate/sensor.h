@@ -10,8 +10,8 @@
 /* A frame, width x height of its camera. */
 struct sensor_frame {
     const struct render_camera *camera;
-    float
-        *depth; /* true depth in, measured depth out: metres along the optical axis, 0 where there is none */
+    /* true depth in, measured depth out: metres along the optical axis, 0 where there is none */
+    float *depth;
     const float *cosine; /* of the angle between ray and normal, as render_depth gives it */
     uint8_t *confidence; /* out, higher is surer; used by sensors with a min_confidence only */
     uint64_t seed;

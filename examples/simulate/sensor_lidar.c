@@ -47,8 +47,8 @@ struct lidar {
     int width, height;
     size_t count;
     double pixel; /* pixels of this picture for one of the sensor's own size */
-    float *
-        inverse; /* 1 / depth, of which a plane's is linear in the picture: a mean leaves it as it is. 0: no depth */
+    /* 1 / depth, of which a plane's is linear in the picture: a mean leaves it as it is. 0: no depth */
+    float *inverse;
     float *steps;  /* the highest step nearby, relative to its near side */
     float *smooth; /* inverse, smeared */
     float *noise, *scratch;

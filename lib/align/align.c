@@ -68,6 +68,7 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
     for (int row = 0; sums && row < camera->height; row++)
         normal_equations_add(e, sums + row * SUMS, row * SOLVE_BANDS / camera->height);
     device_unmap(d, &a->sums, sums);
+    normal_equations_total(e);
 }
 
 void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS],

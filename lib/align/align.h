@@ -10,9 +10,8 @@ typedef struct {
     device_buffer sums; /* SUMS floats per row of the finest level */
     cl_kernel reduce;
     const fathom_config *config;
-    double
-        shared_m; /* sigma of the error that pixels share, of the frames so far (solution.shared_m); 0: none yet */
-    int learnt; /* number of those frames */
+    double shared_m; /* the mean of solution.shared_m over trusted frames; 0: none yet */
+    int learnt;      /* number of those frames */
 } aligner;
 
 /* The result of an alignment. Motions map the scan's camera to the model's camera. */
@@ -24,11 +23,12 @@ typedef struct {
     double weight, rms;
     double singular[6], condition;
     double covariance[36]; /* of motion, in the scan camera's axes: motion * exp(error) */
-    double information
-        [36];        /* inverse covariance from the pairs alone: zero in directions that they leave free */
+    /* inverse covariance from the pairs alone: zero in directions that they leave free */
+    double information[36];
     double pull[6];  /* that information times the twist from motion to the optimum of the pairs alone */
     double shared_m; /* solution.shared_m */
-    int observed; /* solution.observed, and the direction that is determined least, in the scan camera's axes */
+    /* solution.observed, and the direction that is determined least, in the scan camera's axes */
+    int observed;
     double weakest[6], weakest_sigma_m;
 } alignment;
 

@@ -13,7 +13,8 @@ typedef struct {
     double covariance[36];
 } align_prior;
 
-/* Convert covariance, information, a twist, and information times twist of a left perturbation to those of the right one. */
+/* Convert covariance, information, a twist, and information times twist of a left perturbation to those of the right
+ * one. */
 void covariance_to_scan(const pose *motion, const double left[36], double out[36]);
 void information_to_scan(const pose *motion, const double left[36], double out[36]);
 void twist_to_scan(const pose *motion, const double left[6], double out[6]);

@@ -16,26 +16,29 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/* The upper triangle of A^T A, and A^T b. */
-static void add_system(const float *sums, double ata[36], double atb[6]) {
-    int k = 0;
-    for (int i = 0; i < 6; i++)
-        for (int j = i; j < 6; j++, k++) {
-            ata[6 * i + j] += sums[k];
-            if (i != j) ata[6 * j + i] += sums[k];
-        }
-    for (int i = 0; i < 6; i++) atb[i] += sums[21 + i];
-}
-
 void normal_equations_add(normal_equations *e, const float *sums, int band) {
-    add_system(sums, e->ata, e->atb);
-    add_system(sums, e->band_ata[band], e->band_atb[band]);
+    for (int k = 0; k < 27; k++) e->bands[band][k] += sums[k];
     e->btb += sums[27];
     e->weight += sums[28];
     for (int i = 0; i < 3; i++) e->point[i] += sums[29 + i];
     e->point_squared += sums[32];
     e->pairs += sums[33];
     e->overlap += sums[34];
+}
+
+/* Adds a band's A^T A and A^T b. */
+static void add_band(const double band[27], double ata[36], double atb[6]) {
+    int k = 0;
+    for (int i = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, k++) {
+            ata[6 * i + j] += band[k];
+            if (i != j) ata[6 * j + i] += band[k];
+        }
+    for (int i = 0; i < 6; i++) atb[i] += band[21 + i];
+}
+
+void normal_equations_total(normal_equations *e) {
+    for (int i = 0; i < SOLVE_BANDS; i++) add_band(e->bands[i], e->ata, e->atb);
 }
 
 static Matrix3d skew(const Vector3d &v) {
@@ -60,8 +63,10 @@ static double shared_variance(const normal_equations *e, const Matrix6 &scaled, 
     const Vector6 x = scaled * y;
     Eigen::Matrix<double, 6, SOLVE_BANDS> g;
     for (int i = 0; i < SOLVE_BANDS; i++) {
-        const Eigen::Map<const Matrix6> ata(e->band_ata[i]);
-        g.col(i) = scaled.transpose() * (Eigen::Map<const Vector6>(e->band_atb[i]) - ata * x);
+        Matrix6 ata = Matrix6::Zero();
+        Vector6 atb = Vector6::Zero();
+        add_band(e->bands[i], ata.data(), atb.data());
+        g.col(i) = scaled.transpose() * (atb - ata * x);
     }
     g.colwise() -= g.rowwise().mean().eval();
     double sum = 0;
@@ -130,8 +135,7 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
         /* a pair's variance from the residual; minimum sigma 10 um, for scans without noise */
         double variance = std::max(s->residual / (e->pairs - 6), 1e-10) * prior->correlated;
         double noise = largest / (prior->max_condition * prior->max_condition);
-        const double shared = shared_variance(e, to_reference, y, v, squared, noise);
-        s->shared_m = std::sqrt(shared);
+        s->shared_m = std::sqrt(shared_variance(e, to_reference, y, v, squared, noise));
         Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;
         Vector6 right = joint * to_origin.inverse() * Eigen::Map<const Vector6>(prior->mean);
         Vector6 own_right = Vector6::Zero();

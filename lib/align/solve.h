@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-#define SOLVE_BANDS 12
+#define SOLVE_BANDS 12 /* of a map: neighbouring pixels are in the same */
 
 /* Sums over the kept pairs; see opencl/align.cl. Rotations and points are relative to `centre`. */
 typedef struct {
@@ -21,8 +21,8 @@ typedef struct {
     double pairs;         /* n */
     double overlap;       /* pixels where scan and model both have a surface */
     double centre[3];
-    /* A^T A and A^T b of each band of the map, SOLVE_BANDS from top to bottom: neighbouring pixels are in the same */
-    double band_ata[SOLVE_BANDS][36], band_atb[SOLVE_BANDS][6];
+    /* the upper triangle of A^T A, row by row, and A^T b of each band of the map, from top to bottom */
+    double bands[SOLVE_BANDS][27];
 } normal_equations;
 
 typedef struct {
@@ -35,8 +35,8 @@ typedef struct {
     double covariance[36];
     /* of twist, from the pairs alone, in true units, without the share due to noise; zero without a prior */
     double information[36];
-    double pull
-        [6]; /* that information times the correction of twist that the pairs alone would add to the solution */
+    /* that information times the correction of twist that the pairs alone would add to the solution */
+    double pull[6];
     /* sigma of the error that pixels share, as these pairs show it: of the translation, and of the rotation about the
      * pairs' centroid times their spread. 0: unknown */
     double shared_m;
@@ -46,8 +46,10 @@ typedef struct {
     double weakest[6], weakest_sigma_m;
 } solution;
 
-/* Adds one strip's sums, as the kernel wrote them, in double precision; band: 0..SOLVE_BANDS-1. */
+/* Adds one strip's sums, as the kernel wrote them, in double precision; band: 0..SOLVE_BANDS-1. A^T A and A^T b are known
+ * once all strips have been added, by normal_equations_total. */
 void normal_equations_add(normal_equations *e, const float *sums, int band);
+void normal_equations_total(normal_equations *e);
 
 /* The inertial prior of the twist: mean and information (inverse covariance). */
 typedef struct {

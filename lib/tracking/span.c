@@ -11,7 +11,7 @@
 
 /* As the camera moves on, surface that was fused at a pose with an error is what the next poses are aligned with: the map
  * drifts by so many times the error that pixels share, over a metre of way or a radian of turning. Fitted to the normalised
- * error of simulated sensors and of recordings (docs/RESULTS.md); turning per metre of it. */
+ * error of simulated sensors and of recordings (docs/DESIGN.md, Covariance); turning per metre of it. */
 #define DRIFT_OF_SHARED 18.0
 #define DRIFT_TURN 0.5 /* rad/m */
 

@@ -174,29 +174,28 @@ static double rotation_sigma(const double covariance[36]) {
     return sqrt(fmax(covariance[0], fmax(covariance[7], covariance[14])));
 }
 
+/* y = m x + y */
+static void add_product(const double m[36], const double x[6], double y[6]) {
+    for (int i = 0; i < 36; i++) y[i / 6] += m[i] * x[i % 6];
+}
+
 /* Weighs the pairs' information less against the prior's: with x from the present result, d to the prior's mean, P its
  * covariance and Y the pairs' information, (P^-1 + trust Y) x = P^-1 d + trust pull. */
 static void trust_less(const align_prior *seed, alignment *icp) {
     const pose way = pose_between(&icp->motion, &seed->mean);
-    double known[36], joint[36], twist[6], right[6];
+    double known[36], joint[36], to_mean[6], right[6], twist[6] = {0}, less[36];
     if (!covariance_invert(seed->covariance, known)) return;
-    pose_log(&way, twist);
+    pose_log(&way, to_mean);
     for (int i = 0; i < 36; i++) {
         icp->information[i] *= CONTRADICTED_TRUST;
         joint[i] = known[i] + icp->information[i];
+        less[i] = -icp->information[i];
     }
-    for (int i = 0; i < 6; i++) {
-        icp->pull[i] *= CONTRADICTED_TRUST;
-        right[i] = icp->pull[i];
-        for (int j = 0; j < 6; j++) right[i] += known[6 * i + j] * twist[j];
-    }
+    for (int i = 0; i < 6; i++) right[i] = icp->pull[i] *= CONTRADICTED_TRUST;
+    add_product(known, to_mean, right);
     if (!covariance_invert(joint, icp->covariance)) return;
-    for (int i = 0; i < 6; i++) {
-        twist[i] = 0;
-        for (int j = 0; j < 6; j++) twist[i] += icp->covariance[6 * i + j] * right[j];
-    }
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++) icp->pull[i] -= icp->information[6 * i + j] * twist[j];
+    add_product(icp->covariance, right, twist);
+    add_product(less, twist, icp->pull);
     const pose correction = pose_exp(twist);
     icp->motion = pose_multiply(&icp->motion, &correction);
     pose_normalise(&icp->motion);
@@ -213,9 +212,9 @@ static void settle_contradiction(tracker *t, const align_prior *seed, int64_t ti
         return;
     if (!lately) t->contradicted_ns = timestamp_ns;
     t->contradiction_ns = timestamp_ns;
+    icp->contradicted = true;
     if (seconds_between(t->contradicted_ns, timestamp_ns) < LASTING_S) return;
     icp->verdict = FATHOM_VERDICT_TRACKING;
-    icp->contradicted = true;
     trust_less(seed, &icp->icp);
 }
 
