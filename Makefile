@@ -60,10 +60,17 @@ OBJCOPY ?= objcopy
 Q = $(if $(V),,@)
 say = $(if $(V),,@printf '  %-4s %s\n' $(1) $@)
 
-.PHONY: all deps demo check bench bench-scale instructions reproduce install uninstall clean help objects
+.PHONY: all programs deps demo check bench bench-scale instructions reproduce install uninstall clean help objects
 .DELETE_ON_ERROR:
 
-all: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(BUILD)/libfathom-drivers.so $(DRIVERS_A) $(BUILD)/fathom $(BUILD)/minimal
+PARALLEL = $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc))
+
+# As many jobs as there are processors, unless -j says otherwise. Beside other goals it is `programs`: two makes would build the
+# same objects.
+all:
+	@$(MAKE) --no-print-directory $(PARALLEL) programs
+
+programs: deps-check $(BUILD)/libfathom.so $(BUILD)/libfathom.a $(BUILD)/libfathom-drivers.so $(DRIVERS_A) $(BUILD)/fathom $(BUILD)/minimal
 
 .PHONY: deps-check
 deps-check:
@@ -174,13 +181,13 @@ deps:
 
 # What is built after deps may need what deps has just installed, so it is a make of its own.
 demo: deps
-	@$(MAKE) --no-print-directory $(PARALLEL) all
+	@$(MAKE) --no-print-directory $(PARALLEL) programs
 	sh examples/demo.sh $(BUILD)
 
 # BENCH: further options of tests/bench/bench.py, e.g. --results, which writes docs/SPEED.md.
 bench: deps
 	@sh tests/bench/opencv.sh
-	@$(MAKE) --no-print-directory all bench-tools
+	@$(MAKE) --no-print-directory programs bench-tools
 	sh tests/bench/bench.sh $(BUILD) $(BENCH)
 
 # SCALE: options of tests/bench/scale.py.
@@ -196,14 +203,14 @@ instructions: deps
 # SECTIONS: some of a to g, e.g. a,d; REPRODUCE: further options of tests/reproduce/reproduce.py.
 SECTIONS ?= a,b,c,d,e,f,g
 reproduce: deps
-	@$(MAKE) --no-print-directory all reproduce-tools
+	@$(MAKE) --no-print-directory programs reproduce-tools
 	sh tests/reproduce/reproduce.sh $(BUILD) --sections $(SECTIONS) $(REPRODUCE)
 
 # A build over all recordings, beside the recorded table. DATA: a folder of recordings of one's own; JUDGE: further options of
 # tests/judge/judge.py, e.g. --only kitchen, --record.
 .PHONY: judge
 judge: deps
-	@$(MAKE) --no-print-directory $(PARALLEL) all
+	@$(MAKE) --no-print-directory $(PARALLEL) programs
 	sh tests/judge/judge.sh $(BUILD) $(if $(DATA),--data '$(DATA)') $(JUDGE)
 
 # The page of settings; make check holds it to the table.
@@ -257,14 +264,14 @@ mutants: deps
 VM_PACKAGES = qemu-system-x86 busybox-static cpio kmod xz-utils
 check-vm:
 	@$(MAKE) --no-print-directory deps DEBIAN_PACKAGES='$(DEBIAN_PACKAGES) $(VM_PACKAGES)'
-	@$(MAKE) --no-print-directory all $(BUILD)/tests/vm/vm_drivers
+	@$(MAKE) --no-print-directory programs $(BUILD)/tests/vm/vm_drivers
 	sh tests/vm/check.sh $(BUILD)
 
 # Runs of minutes, that want a machine of their own; nothing of make check.
 .PHONY: soak
 SOAK_SECONDS ?= 60
 soak: deps
-	@$(MAKE) --no-print-directory all $(if $(filter 1,$(WITH_OPENNI2)),$(VIRTUAL_DEPTH))
+	@$(MAKE) --no-print-directory programs $(if $(filter 1,$(WITH_OPENNI2)),$(VIRTUAL_DEPTH))
 	sh tests/soak.sh $(BUILD) $(SOAK_SECONDS)
 
 # ---- tests ----------------------------------------------------------------------------------------------------------
@@ -347,11 +354,9 @@ reproduce-tools: $(BUILD)/tests/reproduce/drift $(BUILD)/tests/reproduce/verdict
 .SECONDARY:
 tests: $(TESTS)
 
-# As many jobs as there are processors, unless make was given -j.
-PARALLEL = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(shell nproc))
 check: deps
-	@$(MAKE) --no-print-directory $(PARALLEL) all tests reproduce-tools
-	@$(MAKE) --no-print-directory $(PARALLEL) BUILD=$(BUILD)/sanitize SANITIZE=address,undefined OPTIMISE='-O1 -g' all tests
+	@$(MAKE) --no-print-directory $(PARALLEL) programs tests reproduce-tools
+	@$(MAKE) --no-print-directory $(PARALLEL) BUILD=$(BUILD)/sanitize SANITIZE=address,undefined OPTIMISE='-O1 -g' programs tests
 	sh tests/run.sh $(BUILD)
 
 -include $(shell find $(BUILD) -type f '(' -name '*.c.d' -o -name '*.cpp.d' -o -name kernels.d ')' 2>/dev/null)

@@ -14,7 +14,7 @@ shift
 here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/../.." || exit 1
 [ -x "$build/fathom" ] && [ -x "$build/tests/bench/limit" ] ||
-    { echo "bench: $build/fathom or $build/tests/bench/limit isn't built; run make all bench-tools" >&2; exit 2; }
+    { echo "bench: $build/fathom or $build/tests/bench/limit isn't built; run make programs bench-tools" >&2; exit 2; }
 [ -x "$build/tests/bench/odometry" ] || echo "bench: no OpenCV with its rgbd module: FastICPOdometry is left out" >&2
 command -v python3 >/dev/null || { echo "bench: python3 is missing; run make deps" >&2; exit 1; }
 
