@@ -131,3 +131,30 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
         }
     }
 }
+
+/* y += m x */
+static void add_product(const double m[36], const double x[6], double y[6]) {
+    for (int i = 0; i < 36; i++) y[i / 6] += m[i] * x[i % 6];
+}
+
+/* With x from the present result, d to the prior's mean, P its covariance and Y the pairs' information:
+ * (P^-1 + trust Y) x = P^-1 d + trust pull. */
+void align_trust_less(alignment *a, const align_prior *known, double trust) {
+    const pose way = pose_between(&a->motion, &known->mean);
+    double prior[36], joint[36], less[36], to_mean[6], right[6], twist[6] = {0};
+    if (!covariance_invert(known->covariance, prior)) return;
+    pose_log(&way, to_mean);
+    for (int i = 0; i < 36; i++) {
+        a->information[i] *= trust;
+        joint[i] = prior[i] + a->information[i];
+        less[i] = -a->information[i];
+    }
+    for (int i = 0; i < 6; i++) right[i] = a->pull[i] *= trust;
+    add_product(prior, to_mean, right);
+    if (!covariance_invert(joint, a->covariance)) return;
+    add_product(a->covariance, right, twist);
+    add_product(less, twist, a->pull);
+    const pose correction = pose_exp(twist);
+    a->motion = pose_multiply(&a->motion, &correction);
+    pose_normalise(&a->motion);
+}

@@ -55,4 +55,8 @@ float align_reach(const aligner *a, int coarsest, double position_sigma_m);
 void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS],
            const pose *start, const align_prior *prior, const int budget[FATHOM_LEVELS], alignment *result);
 
+/* Weighs the pairs' information, `trust` of which is left, anew against the prior that they were joined with: motion,
+ * covariance, information and pull become those of that. Trust 0: the prior itself. */
+void align_trust_less(alignment *a, const align_prior *known, double trust);
+
 #endif

@@ -174,33 +174,6 @@ static double rotation_sigma(const double covariance[36]) {
     return sqrt(fmax(covariance[0], fmax(covariance[7], covariance[14])));
 }
 
-/* y = m x + y */
-static void add_product(const double m[36], const double x[6], double y[6]) {
-    for (int i = 0; i < 36; i++) y[i / 6] += m[i] * x[i % 6];
-}
-
-/* Weighs the pairs' information less against the prior's: with x from the present result, d to the prior's mean, P its
- * covariance and Y the pairs' information, (P^-1 + trust Y) x = P^-1 d + trust pull. */
-static void trust_less(const align_prior *seed, alignment *icp) {
-    const pose way = pose_between(&icp->motion, &seed->mean);
-    double known[36], joint[36], to_mean[6], right[6], twist[6] = {0}, less[36];
-    if (!covariance_invert(seed->covariance, known)) return;
-    pose_log(&way, to_mean);
-    for (int i = 0; i < 36; i++) {
-        icp->information[i] *= CONTRADICTED_TRUST;
-        joint[i] = known[i] + icp->information[i];
-        less[i] = -icp->information[i];
-    }
-    for (int i = 0; i < 6; i++) right[i] = icp->pull[i] *= CONTRADICTED_TRUST;
-    add_product(known, to_mean, right);
-    if (!covariance_invert(joint, icp->covariance)) return;
-    add_product(icp->covariance, right, twist);
-    add_product(less, twist, icp->pull);
-    const pose correction = pose_exp(twist);
-    icp->motion = pose_multiply(&icp->motion, &correction);
-    pose_normalise(&icp->motion);
-}
-
 /* Ends a contradiction that lasts. */
 static void settle_contradiction(tracker *t, const align_prior *seed, int64_t timestamp_ns, attempt *icp) {
     const bool sure = covariance_position_sigma(seed->covariance) < CONFIRMED_M &&
@@ -215,7 +188,7 @@ static void settle_contradiction(tracker *t, const align_prior *seed, int64_t ti
     icp->contradicted = true;
     if (seconds_between(t->contradicted_ns, timestamp_ns) < LASTING_S) return;
     icp->verdict = FATHOM_VERDICT_TRACKING;
-    trust_less(seed, &icp->icp);
+    align_trust_less(&icp->icp, seed, CONTRADICTED_TRUST);
 }
 
 /* Lost for long: this frame isn't searched for. */

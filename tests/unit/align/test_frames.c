@@ -95,6 +95,16 @@ static void a_pull_stays_information_times_way(void **state) {
     assert_near(got, want, 6, 1e-4);
 }
 
+static void a_twist_is_carried_by_the_motions_inverse(void **state) {
+    (void)state;
+    const double left[6] = {0.3, -0.2, 0.5, 0.1, 0.7, -0.4};
+    const pose motion = pose_exp(motion_twist);
+    double want[6], got[6];
+    moved(&motion, left, want);
+    twist_to_scan(&motion, left, got);
+    assert_near(got, want, 6, 1e-5);
+}
+
 /* Half a metre and half a radian from the mean, as relocalisation starts. */
 static void a_prior_leads_to_its_mean_from_a_start_far_off(void **state) {
     (void)state;
@@ -139,6 +149,7 @@ int main(void) {
         cmocka_unit_test(a_covariance_is_carried_by_the_motions_inverse),
         cmocka_unit_test(an_information_stays_the_covariances_inverse),
         cmocka_unit_test(a_pull_stays_information_times_way),
+        cmocka_unit_test(a_twist_is_carried_by_the_motions_inverse),
         cmocka_unit_test(a_prior_leads_to_its_mean_from_a_start_far_off),
         cmocka_unit_test(a_priors_information_is_that_of_its_error_from_a_start_far_off),
     };

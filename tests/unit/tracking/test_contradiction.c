@@ -75,12 +75,41 @@ static void what_was_taken_away_gives_way(void **state) {
         refused += r.state != FATHOM_TRACKED;
         if (i == GONE) assert_int_equal(r.verdict, FATHOM_VERDICT_CONTRADICTION);
         if ((i - GONE) / 30.0 > ANSWER) assert_true(r.state == FATHOM_TRACKED && r.fused);
+        if ((i - GONE) / 30.0 < ANSWER) assert_int_equal(r.contradicted, 1);
         assert_true(synthetic_distance(r.pose, room[i].pose) < 0.02);
         assert_true(synthetic_angle(r.pose, room[i].pose) < 0.02);
         if (i == FRAMES - 1) assert_true(isnan(r.see_through) || r.see_through < 0.01); /* the surface has learnt */
     }
     print_message("# %d frames were refused\n", refused);
     assert_true(refused >= 2);
+    synthetic_stop(&s);
+}
+
+/* A caller's inertial estimate: the true motion, known to 2 mm and 2 mrad. */
+static int true_motion(void *user, int64_t from_ns, int64_t to_ns, fathom_motion *motion) {
+    (void)user;
+    pose at[2];
+    for (int i = 0, k = 0; i < FRAMES && k < 2; i++)
+        if (room[i].timestamp_ns == (k ? to_ns : from_ns)) assert_true(pose_take(&room[i].pose, &at[k++]));
+    const pose way = pose_between(&at[0], &at[1]);
+    motion->motion = pose_give(&way);
+    for (int i = 0; i < 6; i++) motion->covariance[7 * i] = 4e-6;
+    return FATHOM_OK;
+}
+
+/* The frame that ends a contradiction is less sure than others: only a tenth of alignment's information counts. */
+static void a_contradicted_pose_is_less_sure(void **state) {
+    (void)state;
+    fathom_config c = synthetic_config(&room[0]);
+    c.inertial_hook = true_motion;
+    synthetic_context s = synthetic_start(&c);
+    double plain = 0, answered = 0;
+    for (int i = 0; i < FRAMES && answered == 0; i++) {
+        const fathom_result r = synthetic_step(s.scan, &room[i]);
+        if (i < GONE) plain = fmax(plain, r.pose_covariance[35]);
+        if (i >= GONE && r.fused) answered = r.pose_covariance[35];
+    }
+    assert_true(answered > 4 * plain);
     synthetic_stop(&s);
 }
 
@@ -97,6 +126,7 @@ static void a_view_of_something_else_is_never_taken(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_was_taken_away_gives_way),
+        cmocka_unit_test(a_contradicted_pose_is_less_sure),
         cmocka_unit_test(a_view_of_something_else_is_never_taken),
     };
     return cmocka_run_group_tests(tests, setup, NULL);

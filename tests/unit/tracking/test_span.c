@@ -126,6 +126,7 @@ static void the_map_drifts_as_the_camera_moves_on(void **state) {
         }
         assert_true(span_get(&s, &m));
         sigma[k] = sqrt(m.covariance[35]);
+        if (k > 0) assert_true(fabs(sqrt(m.covariance[0]) / sigma[k] - 0.5) < 0.01); /* rad per metre */
     }
     assert_true(sigma[0] < 1e-4);
     assert_true(sigma[1] > 5 * SHARED_M && sigma[1] < 100 * SHARED_M);
