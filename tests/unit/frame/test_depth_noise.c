@@ -151,6 +151,24 @@ static void edges_change_little(void **state) {
     for (double z = 1; z <= 4; z *= 2) assert_true(fabs(log(sigma(&stepped, z) / sigma(&calm, z))) < log(1.4));
 }
 
+/* A fence of slats before a wall: a quarter of the pixels is at an edge, more than the quantile leaves out. */
+static void a_fence_is_no_noise(void **state) {
+    (void)state;
+    static uint16_t depth[WIDTH * HEIGHT];
+    const fathom_config c = settings(1000);
+    const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
+                                      .row_stride_bytes = 2 * WIDTH};
+    depth_noise n;
+    depth_maps m = {.source.metres_per_unit = 0.001f};
+    uint32_t random = 7;
+    depth_noise_init(&n, &c);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        depth[i] = (uint16_t)lround(1000 * lidar(i % WIDTH / 8 % 2 ? 1 : 2, &random));
+    depth_noise_look(&n, &m, &frame);
+    const kernel_noise calm = estimate_of(lidar, 1, 2, 160, 1000, 1);
+    for (double z = 1; z <= 2; z *= 2) assert_true(fabs(log(sigma(&m.noise, z) / sigma(&calm, z))) < log(1.4));
+}
+
 static void units_change_nothing(void **state) {
     (void)state;
     const kernel_noise a = estimate_of(lidar, 0.7, 6, 40, 10000, 3), b = estimate_of(lidar, 0.7, 6, 40, 5000, 3);
@@ -243,6 +261,7 @@ int main(void) {
         cmocka_unit_test(a_constant_error_stays_constant),
         cmocka_unit_test(the_scale_stays_the_settings),
         cmocka_unit_test(edges_change_little),
+        cmocka_unit_test(a_fence_is_no_noise),
         cmocka_unit_test(units_change_nothing),
         cmocka_unit_test(unseen_depths_have_the_settings_shape),
         cmocka_unit_test(blank_frames_leave_the_settings),
