@@ -166,7 +166,7 @@ static void a_fence_is_no_noise(void **state) {
         depth[i] = (uint16_t)lround(1000 * lidar(i % WIDTH / 8 % 2 ? 1 : 2, &random));
     depth_noise_look(&n, &m, &frame);
     const kernel_noise calm = estimate_of(lidar, 1, 2, 160, 1000, 1);
-    for (double z = 1; z <= 2; z *= 2) assert_true(fabs(log(sigma(&m.noise, z) / sigma(&calm, z))) < log(1.4));
+    for (double z = 1; z <= 2; z *= 2) assert_true(fabs(log(sigma(&m.noise, z) / sigma(&calm, z))) < log(1.2));
 }
 
 static void units_change_nothing(void **state) {
