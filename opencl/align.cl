@@ -86,7 +86,7 @@ align_reduce(global const float *depth, global const float *normals, kernel_came
     int at[WIDE * KEPT];
     uint2 fetched[WIDE * KEPT];
     for (int k = 0; k < SUMS; k++) s[k] = 0.0f;
-    wfloat zero = 0.0f, one = 1.0f, pair_count = 0.0f, overlap = 0.0f;
+    wfloat zero = 0.0f, one = 1.0f, pair_count = 0.0f, overlap = 0.0f, unlike = 0.0f;
     float ifx = 1.0f / c.fx, imfx = 1.0f / mc.fx, imfy = 1.0f / mc.fy, v = ((float)y - c.cy) / c.fy;
     /* of a ray, in the model's camera: the parts that are constant in a row */
     float rx = motion.x.y * v + motion.x.z, ry = motion.y.y * v + motion.y.z,
@@ -153,11 +153,13 @@ align_reduce(global const float *depth, global const float *normals, kernel_came
             p->b = SELECT(zero, b, valid);
             p->w = SELECT(zero, w, valid);
             pair_count += SELECT(zero, one, valid);
+            unlike += SELECT(zero, w * (one - cosine), valid);
         }
         accumulate(s, pairs, kept); /* 4 */
     }
     s[SUMS_PAIRS] = pair_count;
     s[SUMS_OVERLAP] = overlap;
+    s[SUMS_UNLIKE] = unlike;
 #if GROUP > 1
     local float tree[GROUP];
     int lane = get_local_id(0);

@@ -118,14 +118,14 @@ kernel void mark_seen(kernel_camera c, global const float *farthest, kernel_rigi
  * incidence; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed. Second word:
  * w, computed with the packed n so that the plane contains the pixel's point; its last bits are the weight. Pixels
  * without depth have an infinite w. Global size: work-items that share a row, height. */
-kernel void pack_planes(global const float *depth, global const float *normals, kernel_camera c, kernel_noise noise,
-                        global uint2 *planes) {
+kernel void pack_planes(global const float *depth, global const float *smooth, float from_m,
+                        global const float *normals, kernel_camera c, kernel_noise noise, global uint2 *planes) {
     int y = get_global_id(1);
     vfloat quarter = 0.25f, never = INFINITY, ry = ((float)y - c.cy) / c.fy;
     float sigma_1m = DEPTH_SIGMA(noise, 1.0f), ifx = 1.0f / c.fx;
     for (int x = get_global_id(0) * LANES; x < c.width; x += get_global_size(0) * LANES) {
         int i = AT(c, x, y);
-        vfloat d = VLOAD(depth + i);
+        vfloat raw = VLOAD(depth + i), d = SELECT(VLOAD(smooth + i), raw, raw < from_m);
         vfloat nx = VLOAD(normals + i), ny = VLOAD(normals + c.plane + i),
                nz = VLOAD(normals + 2 * c.plane + i);
         vfloat rx = (IOTA + (float)x - c.cx) * ifx, across = -1.0f / sqrt(1.0f + rx * rx + ry * ry);

@@ -18,7 +18,7 @@ typedef float4 cl_float4;
 /* ---- images: a padded plane has margins of zeros (invalid), and rows filled up to a multiple of sixteen pixels --- */
 
 #define PAD_X 8 /* columns on either side */
-#define PAD_Y 2 /* rows above and below */
+#define PAD_Y 4 /* rows above and below */
 #define TILE 8  /* side of the tiles that images are divided into, pixels */
 
 typedef struct {
@@ -61,9 +61,10 @@ typedef struct {
 
 /* Sums of a row: upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w
  * |p|^2, pairs n, pixels where both have a surface. */
-#define SUMS 35
+#define SUMS 36
 #define SUMS_PAIRS 33
 #define SUMS_OVERLAP 34
+#define SUMS_UNLIKE 35
 
 typedef struct {
     cl_float distance2; /* maximum squared distance of a pair, m^2 */

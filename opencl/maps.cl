@@ -72,11 +72,11 @@ kernel void convert_depth(global const ushort *raw, kernel_depth_source s, kerne
     }
 }
 
-/* Edge-preserving smoothing over 5x5 pixels: weights fall with the distance in the image (binomial) and with the
- * difference of depth in units of its noise (Tukey's biweight, which is zero beyond `reach` sigma and needs no exp).
- * Global size: work-items that share a row, height. */
-kernel void smooth_depth(global const float *depth, kernel_camera c, kernel_noise noise, float reach,
-                         global float *smooth) {
+/* Edge-preserving smoothing over 5x5 pixels, `step` apart: weights fall with the distance in the image (binomial) and
+ * with the difference of depth in units of its noise (Tukey's biweight, which is zero beyond `reach` sigma and needs no
+ * exp). Depth below from_m, which is above 0, stays. Global size: work-items that share a row, height. */
+kernel void smooth_depth(global const float *depth, kernel_camera c, kernel_noise noise, float reach, int step,
+                         float from_m, global float *smooth) {
     int y = get_global_id(1);
     wfloat zero = 0.0f;
     const float binomial[5] = {1.0f, 4.0f, 6.0f, 4.0f, 1.0f};
@@ -87,7 +87,7 @@ kernel void smooth_depth(global const float *depth, kernel_camera c, kernel_nois
         wfloat sum = 0.0f, weights = 0.0f;
         for (int dy = -2; dy <= 2; dy++)
             for (int dx = -2; dx <= 2; dx++) {
-                wfloat v = WLOAD(depth + i + dy * c.pitch + dx);
+                wfloat v = WLOAD(depth + i + step * (dy * c.pitch + dx));
                 wfloat e = (v - z) * inverse;
                 wfloat w = fmax(1.0f - e * e, 0.0f);
                 w = w * w * (binomial[dy + 2] * binomial[dx + 2]);
@@ -95,7 +95,7 @@ kernel void smooth_depth(global const float *depth, kernel_camera c, kernel_nois
                 sum += w * v;
                 weights += w;
             }
-        wfloat result = SELECT(sum / weights, zero, z == 0.0f);
+        wfloat result = SELECT(sum / weights, z, z < from_m);
         WSTORE(SELECT(result, zero, COLUMNS >= (float)(c.width - x)), smooth + i); /* the margin stays zero */
     }
 }

@@ -84,10 +84,8 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
         for (int i = 0; i < budget[level]; i++) {
             normal_equations e;
             solution s;
-            solve_prior prior = {.max_condition = c->max_condition,
-                                 .correlated = CORRELATED_PAIRS,
-                                 .max_sigma_m = c->max_sigma_m,
-                                 .shared_m = a->shared_m};
+            solve_prior prior = {
+                .correlated = CORRELATED_PAIRS, .max_sigma_m = c->max_sigma_m, .shared_m = a->shared_m};
             align_reduce(a, d, maps, level, &result->motion, &model[level], &maps->camera[level],
                          pair_distance(a, level, sigma), c->huber_m, centre, &e);
             result->iterations++;

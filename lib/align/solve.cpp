@@ -3,9 +3,14 @@
 #include <Eigen/Dense>
 #include <cmath>
 
-/* A direction in which the normals' noise contributes nearly as much as the pairs makes the pose drift: information of
- * this many times the noise is halved. */
-#define SHYNESS 30.0
+/* Where the normals of scan and map differ, one of them is wrong, and A^T A shows as much in directions that the surface
+ * leaves free: this part of the sum of w (1 - cosine), in each. Bare walls and a corridor show 0.1 to 0.3 of that sum along
+ * their free directions, rooms 0.5 to 5. */
+#define NORMAL_NOISE 0.12
+
+/* A direction to which that noise contributes nearly as much as the pairs makes the pose drift: information of this many
+ * times the noise is halved. */
+#define SHYNESS 8.0
 
 /* The error that the pixels of a frame share lasts over some frames, and the map takes it over: it is this many times what
  * the residuals of one frame show. */
@@ -24,6 +29,7 @@ void normal_equations_add(normal_equations *e, const float *sums, int band) {
     e->point_squared += sums[32];
     e->pairs += sums[33];
     e->overlap += sums[34];
+    e->unlike += sums[35];
 }
 
 /* Adds a band's A^T A and A^T b. */
@@ -134,7 +140,7 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
     if (prior && e->pairs > 6) {
         /* a pair's variance from the residual; minimum sigma 10 um, for scans without noise */
         double variance = std::max(s->residual / (e->pairs - 6), 1e-10) * prior->correlated;
-        double noise = largest / (prior->max_condition * prior->max_condition);
+        const double noise = std::max(NORMAL_NOISE * e->unlike, 1e-9 * largest);
         s->shared_m = std::sqrt(shared_variance(e, to_reference, y, v, squared, noise));
         Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;
         Vector6 right = joint * to_origin.inverse() * Eigen::Map<const Vector6>(prior->mean);

@@ -20,6 +20,7 @@ typedef struct {
     double point_squared; /* sum of w |p|^2 */
     double pairs;         /* n */
     double overlap;       /* pixels where scan and model both have a surface */
+    double unlike;        /* sum of w (1 - cosine), between the normals of scan and model */
     double centre[3];
     /* the upper triangle of A^T A, row by row, and A^T b of each band of the map, from top to bottom */
     double bands[SOLVE_BANDS][27];
@@ -55,12 +56,9 @@ void normal_equations_total(normal_equations *e);
 typedef struct {
     double mean[6];
     double information[36]; /* row-major */
-    /* directions of A with a singular value below largest / max_condition carry no information: on a bare wall that
-     * much comes from the noise of the normals alone */
-    double max_condition;
-    double correlated;  /* number of pairs that count as one independent measurement beside the prior */
-    double max_sigma_m; /* of an observed direction */
-    double shared_m;    /* minimum of the error that pixels share: solution.shared_m of earlier frames */
+    double correlated;      /* number of pairs that count as one independent measurement beside the prior */
+    double max_sigma_m;     /* of an observed direction */
+    double shared_m;        /* minimum of the error that pixels share: solution.shared_m of earlier frames */
 } solve_prior;
 
 /* Solves by singular value decomposition. Without a prior (NULL), directions whose singular value is below 1e-6 of the

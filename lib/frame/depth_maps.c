@@ -7,6 +7,13 @@
 
 #define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
 
+#define NEAREST_M 1e-6f /* no depth is below */
+
+/* Sigma of the slope, per pixel, of independent depths of sigma 1: of the central difference, and of that after the 5x5
+ * binomial. */
+#define RAW_SLOPE 0.71f
+#define SMOOTH_SLOPE 0.15f
+
 int depth_maps_camera(const fathom_config *c, kernel_camera *camera) {
     const fathom_pinhole *p = &c->depth_camera;
     int width = c->align_width, height = c->align_height;
@@ -45,9 +52,22 @@ static float depth_of_sigma(const kernel_noise *n, float sigma) {
     return 2 * over / (n->slope + sqrtf(n->slope * n->slope + 4 * n->growth * over));
 }
 
+/* The depth from which on a surface is so rough that pairs are lost by their normals' angle: two sigma of its slope are
+ * the maximum angle. 0: everywhere. */
+static float rough_from(const kernel_noise *n, const kernel_camera *camera, int factor, float slope,
+                        float angle_rad) {
+    const float limit = 0.5f * angle_rad * (float)factor / (slope * camera->fx) - n->slope;
+    const float root = limit * limit - 4 * n->growth * n->base;
+    if (limit <= 0 || root < 0) return 0;
+    return n->growth > 0 ? (limit + sqrtf(root)) / (2 * n->growth) : INFINITY;
+}
+
 void depth_maps_set_noise(depth_maps *m, const fathom_config *c, const kernel_noise *noise) {
     const float thick = 2 * (c->truncation_m > 0 ? c->truncation_m : 4 * c->voxel_m);
     m->noise = *noise;
+    m->raw_m = rough_from(noise, &m->camera[FINEST], m->source.factor, RAW_SLOPE, c->max_pair_angle_rad);
+    m->once_m = fmaxf(
+        rough_from(noise, &m->camera[FINEST], m->source.factor, SMOOTH_SLOPE, c->max_pair_angle_rad), NEAREST_M);
     m->source.max_m = fmaxf(fminf(c->max_depth_m, depth_of_sigma(noise, thick)), c->min_depth_m);
 }
 
@@ -147,8 +167,18 @@ void depth_maps_compute(depth_maps *m, device *d, int coarsest) {
     RUN_ROWS(d, m->convert, (c->width + 7) / 8, c->height, ARG(m->raw.memory), ARG(m->source), ARG(*c),
              ARG(m->noise), ARG(m->depth[FINEST].memory));
     cl_float reach = SMOOTHING_REACH;
+    cl_int step = 1;
+    cl_float from = NEAREST_M;
+    const bool rough = m->once_m < m->source.max_m;
+    device_buffer *first = rough ? &m->normals[FINEST] : &m->smooth; /* written over with the normals */
     RUN_ROWS(d, m->smoothing, c->width, c->height, ARG(m->depth[FINEST].memory), ARG(*c), ARG(m->noise),
-             ARG(reach), ARG(m->smooth.memory));
+             ARG(reach), ARG(step), ARG(from), ARG(first->memory));
+    if (rough) {
+        step = 2;
+        from = m->once_m;
+        RUN_ROWS(d, m->smoothing, c->width, c->height, ARG(first->memory), ARG(*c), ARG(m->noise), ARG(reach),
+                 ARG(step), ARG(from), ARG(m->smooth.memory));
+    }
     for (int i = FINEST - 1; i >= coarsest; i--) {
         kernel_camera *f = &m->camera[i + 1];
         c = &m->camera[i];
@@ -157,8 +187,8 @@ void depth_maps_compute(depth_maps *m, device *d, int coarsest) {
     }
     for (int i = FINEST; i >= coarsest; i--) {
         c = &m->camera[i];
-        device_buffer *from = i == FINEST ? &m->smooth : &m->depth[i];
-        RUN_ROWS(d, m->normal, c->width, c->height, ARG(from->memory), ARG(*c), ARG(m->noise),
+        device_buffer *depth = i == FINEST ? &m->smooth : &m->depth[i];
+        RUN_ROWS(d, m->normal, c->width, c->height, ARG(depth->memory), ARG(*c), ARG(m->noise),
                  ARG(m->normals[i].memory));
     }
 }

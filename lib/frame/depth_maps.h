@@ -15,8 +15,11 @@ typedef struct {
     int min_confidence;
     device_buffer raw;                  /* the frame as received */
     device_buffer depth[FATHOM_LEVELS]; /* metric, for alignment and fusion */
-    /* the finest depth smoothed, for its normals only: alignment with smoothed depth drifts (docs/DESIGN.md) */
+    /* the finest depth smoothed, for its normals and, where it is rough, for fusion: alignment with smoothed depth drifts
+     * (docs/DESIGN.md) */
     device_buffer smooth;
+    float raw_m;  /* up to this depth raw depth is fused */
+    float once_m; /* from this depth on it is smoothed twice, over twice as far the second time */
     device_buffer normals[FATHOM_LEVELS]; /* four planes: normal and confidence */
     cl_kernel convert, smoothing, halve, normal, pack;
 } depth_maps;

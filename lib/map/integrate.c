@@ -108,7 +108,7 @@ void integrator_fuse(integrator *g, device *d, volume *v, depth_maps *maps, cons
     cl_int settled = calm ? g->settled : 0, turn = g->frames & 1;
     const kernel_camera *camera = &maps->camera[FINEST];
     RUN_ROWS(d, g->pack_planes, camera->width, camera->height, ARG(maps->depth[FINEST].memory),
-             ARG(maps->normals[FINEST].memory), ARG(*camera), ARG(maps->noise), ARG(g->planes.memory));
+             ARG(maps->smooth.memory), ARG(maps->raw_m), ARG(maps->normals[FINEST].memory), ARG(*camera), ARG(maps->noise), ARG(g->planes.memory));
     RUN_ROWS(d, g->fuse, 64, v->pool.count, ARG(g->planes.memory), ARG(*camera), ARG(g->farthest.memory),
              ARG(rigid), ARG(v->surface), ARG(g->max_weight), ARG(v->pool.keys.memory), ARG(settled),
              ARG(turn), ARG(g->frames), ARG(v->pool.seen.memory), ARG(v->pool.voxels.memory));

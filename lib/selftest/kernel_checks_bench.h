@@ -126,7 +126,8 @@ void bench_volume_fill(bench_volume *v, bench_shape shape, const double low[3], 
 
 void compare_convert_depth(bench *b, const uint16_t *raw, const kernel_depth_source *s,
                            const kernel_camera *c, kernel_noise noise);
-void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise);
+void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise, int step,
+                          float from_m);
 void compare_halve_depth(bench *b, const float *fine, const kernel_camera *f, kernel_noise noise);
 void compare_normal_map(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise);
 void compare_pack_map(bench *b, const float *depth, const float *normals, const kernel_camera *c);
@@ -137,8 +138,8 @@ void compare_align_reduce(bench *b, const float *depth, float *normals, const ke
                           const kernel_pair_limits *limits);
 void compare_request_blocks(bench *b, const float *depth, const kernel_camera *c,
                             const kernel_rigid *camera_to_world, bench_volume *v, float block_m, cl_int turn);
-void compare_pack_planes(bench *b, const float *depth, const float *normals, const kernel_camera *c,
-                         kernel_noise noise);
+void compare_pack_planes(bench *b, const float *raw, const float *smooth, float from_m, const float *normals,
+                         const kernel_camera *c, kernel_noise noise);
 void compare_fuse_blocks(bench *b, const float *depth, const float *normals, const kernel_camera *c,
                          kernel_noise noise, const kernel_rigid *world_to_camera, bench_volume *v,
                          float max_weight);

@@ -101,13 +101,15 @@ fathom_check check_convert_depth(device *d, bool small, char *why, size_t size) 
 
 /* ---- smooth_depth, halve_depth ----------------------------------------------------------------------------------- */
 
-void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise) {
+void compare_smooth_depth(bench *b, const float *depth, const kernel_camera *c, kernel_noise noise, int step,
+                          float from_m) {
     float *got = bench_plane(c, 1, UNWRITTEN), *want = bench_plane(c, 1, 0);
     cl_float reach = 4;
     cl_mem in = bench_buffer(b, plane_bytes(c), depth), out = bench_buffer(b, plane_bytes(c), got);
-    LAUNCH_ROWS(b, "smooth_depth", c->width, c->height, ARG(in), ARG(*c), ARG(noise), ARG(reach), ARG(out));
+    LAUNCH_ROWS(b, "smooth_depth", c->width, c->height, ARG(in), ARG(*c), ARG(noise), ARG(reach), ARG(step),
+                ARG(from_m), ARG(out));
     bench_read(b, out, got, plane_bytes(c));
-    ref_smooth_depth(depth, c, noise, reach, want);
+    ref_smooth_depth(depth, c, noise, reach, step, from_m, want);
     /* 25 terms, all positive. A weight's own error is at most that of e, which shifts the mean by less than one part in
      * 1e6 of the depth: |v - z| <= 4 sigma, and e is known to 1e-6 z / sigma. */
     bench_compare_plane(b, "smooth_depth", c, got, want, NULL, 6e-6, 0);
@@ -229,7 +231,8 @@ static fathom_check on_images(device *d, bool small, char *why, size_t size,
 }
 
 static void run_smooth(bench *b, float *depth, kernel_camera *c) {
-    compare_smooth_depth(b, depth, c, bench_noise);
+    compare_smooth_depth(b, depth, c, bench_noise, 1, 1e-6f);
+    compare_smooth_depth(b, depth, c, bench_noise, 2, 1.5f);
 }
 
 static void run_halve(bench *b, float *depth, kernel_camera *c) {

@@ -178,16 +178,19 @@ fathom_check check_clear_ranges(device *d, bool small, char *why, size_t size) {
  * apart. */
 #define TIE_SLACK 6e-4
 
-void compare_pack_planes(bench *b, const float *depth, const float *normals, const kernel_camera *c,
-                         kernel_noise noise) {
+void compare_pack_planes(bench *b, const float *raw, const float *smooth, float from_m, const float *normals,
+                         const kernel_camera *c, kernel_noise noise) {
     size_t bytes = (size_t)c->width * (size_t)c->height * sizeof(cl_uint2);
     cl_uint2 *got = bench_alloc(bytes);
+    float *depth = bench_plane(c, 1, 0);
+    for (int i = 0; i < c->plane; i++) depth[i] = raw[i] < from_m ? raw[i] : smooth[i];
     memset(got, 0xff, bytes);
-    cl_mem depth_memory = bench_buffer(b, (size_t)c->plane * 4, depth),
+    cl_mem raw_memory = bench_buffer(b, (size_t)c->plane * 4, raw),
+           smooth_memory = bench_buffer(b, (size_t)c->plane * 4, smooth),
            normals_memory = bench_buffer(b, (size_t)c->plane * 16, normals),
            planes = bench_buffer(b, bytes, got);
-    LAUNCH_ROWS(b, "pack_planes", c->width, c->height, ARG(depth_memory), ARG(normals_memory), ARG(*c),
-                ARG(noise), ARG(planes));
+    LAUNCH_ROWS(b, "pack_planes", c->width, c->height, ARG(raw_memory), ARG(smooth_memory), ARG(from_m),
+                ARG(normals_memory), ARG(*c), ARG(noise), ARG(planes));
     bench_read(b, planes, got, bytes);
     double shifts = 0;
     int held = 0;
@@ -218,6 +221,7 @@ void compare_pack_planes(bench *b, const float *depth, const float *normals, con
     /* truncation of w mustn't move the surface: on average less than a fifth of the last remaining bit */
     if (held >= 400) bench_near(b, "pack_planes: mean shift of planes", 0, 0, shifts / held, 0, 0.2);
     bench_free(b);
+    free(depth);
     free(got);
 }
 
@@ -229,11 +233,13 @@ fathom_check check_pack_planes(device *d, bool small, char *why, size_t size) {
     for (int i = 0; i < count * IMAGE_KINDS; i++) {
         kernel_camera c = bench_camera(&b, sizes[i % count].width, sizes[i % count].height);
         float *depth = bench_depth(&b, &c, bench_noise, (image_kind)(i / count)),
-              *normals = bench_plane(&c, 4, 0);
+              *normals = bench_plane(&c, 4, 0), *smooth = bench_plane(&c, 1, 0);
         ref_normal_map(depth, &c, bench_noise, normals, NULL);
-        compare_pack_planes(&b, depth, normals, &c, bench_noise);
+        ref_smooth_depth(depth, &c, bench_noise, 4, 1, 0, smooth);
+        compare_pack_planes(&b, depth, smooth, 1.5f, normals, &c, bench_noise);
         free(depth);
         free(normals);
+        free(smooth);
     }
     return bench_end(&b);
 }
@@ -270,8 +276,8 @@ void compare_fuse_blocks(bench *b, const float *depth, const float *normals, con
            farthest_memory = bench_buffer(b, (size_t)tiles * 4, farthest),
            seen_memory = bench_buffer(b, seen_bytes, NULL);
     LAUNCH_ROWS(b, "fuse_blocks", 64, v->count, ARG(planes_memory), ARG(*c), ARG(farthest_memory),
-                ARG(*world_to_camera), ARG(v->surface), ARG(most), ARG(v->blocks_memory),
-                ARG(settled), ARG(turn), ARG(frame), ARG(seen_memory), ARG(v->voxels_memory));
+                ARG(*world_to_camera), ARG(v->surface), ARG(most), ARG(v->blocks_memory), ARG(settled),
+                ARG(turn), ARG(frame), ARG(seen_memory), ARG(v->voxels_memory));
     bench_read(b, v->voxels_memory, got, bytes);
     bench_read(b, seen_memory, seen, seen_bytes);
     ref_fuse_blocks(planes, c, world_to_camera, voxel, truncation, most, v->blocks, v->count, settled, turn,

@@ -37,8 +37,8 @@ void ref_unpack_model(const cl_uint2 *packed, int count, float *model);
 
 void ref_convert_depth(const uint16_t *raw, const kernel_depth_source *s, const kernel_camera *c,
                        kernel_noise noise, float *depth, uint8_t *doubt);
-void ref_smooth_depth(const float *depth, const kernel_camera *c, kernel_noise noise, double reach,
-                      float *smooth);
+void ref_smooth_depth(const float *depth, const kernel_camera *c, kernel_noise noise, double reach, int step,
+                      float from_m, float *smooth);
 void ref_halve_depth(const float *fine, const kernel_camera *f, const kernel_camera *c, kernel_noise noise,
                      float *coarse, uint8_t *doubt);
 void ref_normal_map(const float *depth, const kernel_camera *c, kernel_noise noise, float *normals,

@@ -8,7 +8,7 @@
 /* A scan pixel's partner in the model (Section 2). */
 typedef struct {
     double p[3], d[3], n[3]; /* scan point in the model's camera, model point and its normal */
-    double b, w;             /* n . (d - p), weight */
+    double b, w, unlike;     /* n . (d - p), weight, 1 - cosine of the angle between the normals */
 } pair;
 
 typedef enum { NOTHING, OVERLAP, PAIR } met;
@@ -50,6 +50,7 @@ static met find_pair(const float *depth, const float *normals, const kernel_came
     if (!ref_below(dot(gap, gap), most, 1e-4 * most, doubt)) return OVERLAP;
     if (!ref_below(l->cos_angle, dot(out->n, turned), 1e-5, doubt)) return OVERLAP;
     out->b = dot(out->n, gap);
+    out->unlike = 1 - dot(out->n, turned);
     /* Huber: full weight up to the limit, then falling as 1 / |b| */
     out->w = fabs(out->b) <= huber ? confidence : confidence * huber / fabs(out->b);
     return PAIR;
@@ -91,6 +92,8 @@ static void add_pair(const pair *q, const kernel_pair_limits *l, double *sums, d
     sums[32] += q->w * dot(p, p);
     magnitudes[32] += w * reach * reach;
     sums[33] += 1;
+    sums[35] += q->w * q->unlike;
+    magnitudes[35] += 2 * w;
 }
 
 void ref_align_reduce(const float *depth, const float *normals, const kernel_camera *c, const float *model,

@@ -115,22 +115,22 @@ static double known(const float *depth, const kernel_camera *c, int x, int y) {
     return x >= 0 && y >= 0 && x < c->width && y < c->height ? depth[ref_at(c, x, y)] : 0;
 }
 
-void ref_smooth_depth(const float *depth, const kernel_camera *c, kernel_noise noise, double reach,
-                      float *smooth) {
+void ref_smooth_depth(const float *depth, const kernel_camera *c, kernel_noise noise, double reach, int step,
+                      float from_m, float *smooth) {
     static const double binomial[5] = {1, 4, 6, 4, 1};
     for (int y = 0; y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
             double z = known(depth, c, x, y), sum = 0, weights = 0;
             for (int dy = -2; dy <= 2; dy++)
                 for (int dx = -2; dx <= 2; dx++) {
-                    double v = known(depth, c, x + dx, y + dy);
+                    double v = known(depth, c, x + step * dx, y + step * dy);
                     double e = (v - z) / (reach * ref_sigma(noise, z));
                     if (v == 0 || fabs(e) >= 1) continue;
                     double w = binomial[dx + 2] * binomial[dy + 2] * (1 - e * e) * (1 - e * e);
                     sum += w * v;
                     weights += w;
                 }
-            smooth[ref_at(c, x, y)] = z == 0 ? 0 : (float)(sum / weights);
+            smooth[ref_at(c, x, y)] = z < from_m ? (float)z : z == 0 ? 0 : (float)(sum / weights);
         }
 }
 

@@ -16,13 +16,13 @@ static float *maps_of(bench *b, const uint16_t *raw, const kernel_depth_source *
     float *depth = bench_plane(c, 1, 0), *smooth = bench_plane(c, 1, 0);
     compare_convert_depth(b, raw, s, c, bench_noise);
     ref_convert_depth(raw, s, c, bench_noise, depth, NULL);
-    compare_smooth_depth(b, depth, c, bench_noise);
-    ref_smooth_depth(depth, c, bench_noise, 4, smooth);
+    compare_smooth_depth(b, depth, c, bench_noise, 1, 1e-6f);
+    ref_smooth_depth(depth, c, bench_noise, 4, 1, 0, smooth);
     compare_halve_depth(b, depth, c, bench_noise);
     compare_normal_map(b, smooth, c, bench_noise);
     ref_normal_map(smooth, c, bench_noise, normals, NULL);
     compare_pack_map(b, depth, normals, c);
-    compare_pack_planes(b, depth, normals, c, bench_noise);
+    compare_pack_planes(b, depth, smooth, 1.5f, normals, c, bench_noise);
     free(smooth);
     return depth;
 }

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/covariance.h"
 #include "base/log.h"
 #include "inertial/inertial.h"
 #include "inertial/start.h"
@@ -205,9 +206,13 @@ bool inertial_second_guess(inertial *n, const pose *seed, int64_t timestamp_ns, 
     if (pose_angle(&apart) < SAME_RAD && pose_distance(&apart) < SAME_M) return false;
     double turning = n->moving ? c->motion_sigma_rad_s2 * dt : START_TURN; /* sigma of the rates */
     double speed = n->moving ? c->motion_sigma_m_s2 * dt : START_SPEED;
-    memset(covariance, 0, 36 * sizeof *covariance);
+    const pose back = pose_between(guess, &n->accepted); /* the accepted pose's own error, seen from here */
+    double adjoint[36], own[36];
+    navigator_camera_covariance(&n->now.state, n->lever, own);
+    pose_adjoint(&back, adjoint);
+    covariance_transport(adjoint, own, covariance);
     for (int k = 0; k < 6; k++)
-        covariance[7 * k] = k < 3 ? pow(c->seed_noise_rad, 2) + pow(turning * dt, 2)
-                                  : pow(c->seed_noise_m, 2) + pow(speed * dt, 2);
+        covariance[7 * k] += k < 3 ? pow(c->seed_noise_rad, 2) + pow(turning * dt, 2)
+                                   : pow(c->seed_noise_m, 2) + pow(speed * dt, 2);
     return true;
 }

@@ -537,6 +537,27 @@ static void a_sudden_misfit_widens_the_stretch_that_it_happened_in(void **state)
     assert_true(fabs(camera.t[0] - otherwise.t[0]) > 1e-4);
 }
 
+/* A guess by velocity is no surer than the pose that it goes on from. */
+static void a_guess_by_velocity_has_its_poses_error(void **state) {
+    (void)state;
+    const double turning[3] = {0.5, 0, 0};
+    const pose seed = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0.2, 0, 0}};
+    pose guess, at = pose_identity();
+    double before[36], after[36];
+    begin();
+    for (int i = 0; i < 60; i++) push_rate(0.005 * i, turning);
+    inertial_drain(&n);
+    for (int k = 0; k < 3; k++) {
+        assert_int_equal(inertial_correct(&n, &at, NULL, NULL, true, ns(k / 30.0)), FATHOM_OK);
+        inertial_check(&n, &at, true, ns(k / 30.0));
+    }
+    assert_true(inertial_second_guess(&n, &seed, ns(0.1), &guess, before));
+    for (int i = 0; i < 3; i++)
+        n.now.state.covariance[(NAVIGATOR_POSITION + i) * (NAVIGATOR_STATES + 1)] += 0.04;
+    assert_true(inertial_second_guess(&n, &seed, ns(0.1), &guess, after));
+    for (int i = 3; i < 6; i++) assert_true(fabs(after[7 * i] - before[7 * i] - 0.04) < 1e-3);
+}
+
 /* ---- bad samples -------------------------------------------------------------------------------------------------- */
 
 static void bad_samples_are_counted_and_dropped(void **state) {
@@ -695,6 +716,7 @@ int main(void) {
         cmocka_unit_test_setup(without_translation_the_accelerometer_does_not_count, setup),
         cmocka_unit_test_setup(absurd_stamps_stay_finite, setup),
         cmocka_unit_test_setup(a_still_start_finds_the_bias, setup),
+        cmocka_unit_test_setup(a_guess_by_velocity_has_its_poses_error, setup),
         cmocka_unit_test_setup(a_known_bias_gets_old, setup),
         cmocka_unit_test_setup(a_moving_start_finds_none, setup),
         cmocka_unit_test_setup(an_even_slide_is_no_rest, setup),

@@ -371,7 +371,6 @@ static void fifty_neighbouring_pairs_count_as_one(void **state) {
         align_reduce(&f->tracker.aligner, &f->device, &f->maps, FINEST, &motion, &m->level[FINEST],
                      &f->maps.camera[FINEST], 0.6, (double)c.huber_m, centre, &e);
         const solve_prior fifty = {.information = {0},
-                                   .max_condition = c.max_condition,
                                    .correlated = 50,
                                    .shared_m = f->tracker.aligner.shared_m};
         assert_true(solve_alignment(&e, prior ? &fifty : NULL, &alone));
