@@ -344,8 +344,9 @@ typedef struct {
     float min_overlap; /* kept pairs over pixels where both scan and model have a surface. 0..1; default 0.35 */
     int32_t min_pairs; /* kept pairs at the finest level used. 0..1e9; default 0: one in 100 pixels */
     float max_rms_m;   /* weighted rms residual. 1e-6..1e9 m; default 0.01 */
-    /* Condition number, centred and scaled, beyond which the weakest direction is unobserved (by noise alone a bare
-     * wall has 30, rooms 2 to 8, a corridor up to 20). 1..1e30; default 22. */
+    /* Condition number, centred and scaled, beyond which FATHOM_PRIOR_SEED rejects an alignment, and half of which is
+     * sound enough to check the IMU by (by noise alone a bare wall has 30, rooms 2 to 8, a corridor up to 20).
+     * 1..1e30; default 22. */
     float max_condition;
     float max_innovation_sigmas; /* distance from seed to result in sigmas of the seed. 0.1..1e30; default 6 */
     /* Of the pixels where the surface should be seen from the found pose and the frame has depth: the fraction that

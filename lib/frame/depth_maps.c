@@ -8,6 +8,7 @@
 #define SMOOTHING_REACH 4.0f /* sigma; beyond, a neighbour belongs to another surface */
 
 #define NEAREST_M 1e-6f /* no depth is below */
+#define NEAR_M 1.0f      /* a surface that is rough up to here is rough everywhere */
 
 /* Sigma of the slope, per pixel, of independent depths of sigma 1: of the central difference, and of that after the 5x5
  * binomial. */
@@ -53,13 +54,15 @@ static float depth_of_sigma(const kernel_noise *n, float sigma) {
 }
 
 /* The depth from which on a surface is so rough that pairs are lost by their normals' angle: two sigma of its slope are
- * the maximum angle. 0: everywhere. */
+ * the maximum angle. A constant part of the noise makes what is near rough instead. 0: everywhere. */
 static float rough_from(const kernel_noise *n, const kernel_camera *camera, int factor, float slope,
                         float angle_rad) {
     const float limit = 0.5f * angle_rad * (float)factor / (slope * camera->fx) - n->slope;
     const float root = limit * limit - 4 * n->growth * n->base;
     if (limit <= 0 || root < 0) return 0;
-    return n->growth > 0 ? (limit + sqrtf(root)) / (2 * n->growth) : INFINITY;
+    const float sum = limit + sqrtf(root);
+    if (2 * n->base / sum > NEAR_M) return 0;
+    return n->growth > 0 ? sum / (2 * n->growth) : INFINITY;
 }
 
 void depth_maps_set_noise(depth_maps *m, const fathom_config *c, const kernel_noise *noise) {

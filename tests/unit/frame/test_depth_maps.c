@@ -42,6 +42,45 @@ static void every_level_sees_the_same_field_of_view(void **state) {
 }
 
 /* Where sigma, base + growth z^2, is two truncations (of four voxels). */
+/* The sigma of a slope, in pixels, at a depth where the surface begins to be rough. */
+static double slope_sigma(const depth_maps *m, const fathom_config *c, double z, double of_slope) {
+    const double sigma = c->depth_noise_base_m + c->depth_noise_slope * z + c->depth_noise_growth_per_m * z * z;
+    return of_slope * sigma / m->source.factor * m->camera[FINEST].fx / z;
+}
+
+/* Two sigma of it are the maximum angle of a pair's normals, whatever the sensor and the size of the maps. */
+static void rough_depth_begins_where_normals_lose_pairs(void **state) {
+    (void)state;
+    static const struct {
+        int width;
+        float base, slope, growth;
+    } of[] = {{640, 0.0001f, 0, 0.003f}, {320, 0.0001f, 0, 0.003f}, {160, 0.0001f, 0, 0.003f}, {320, 0.0005f, 0.0005f, 0.001f}};
+    for (int i = 0; i < 4; i++) {
+        fathom_config c;
+        fathom_config_init(&c);
+        c.max_align_width = of[i].width;
+        c.depth_noise_base_m = of[i].base;
+        c.depth_noise_slope = of[i].slope;
+        c.depth_noise_growth_per_m = of[i].growth;
+        const kernel_noise noise = {of[i].base, of[i].slope, of[i].growth};
+        depth_maps m = maps_of(&c);
+        depth_maps_set_noise(&m, &c, &noise);
+        const double half = (double)c.max_pair_angle_rad / 2;
+        assert_true(m.raw_m < m.once_m);
+        assert_int_equal(m.raw_m > 0, i > 0); /* at 640x480 a Kinect is rough everywhere */
+        if (i > 0) assert_true(fabs(slope_sigma(&m, &c, (double)m.raw_m, 0.71) - half) < 0.01 * half);
+        assert_true(fabs(slope_sigma(&m, &c, (double)m.once_m, 0.15) - half) < 0.01 * half);
+        const kernel_noise constant = {0.004f, 0, 0}, little = {0.0001f, 0, 0}, lots = {0.001f, 0.05f, 0};
+        depth_maps_set_noise(&m, &c, &lots);
+        assert_true(m.raw_m == 0);
+        depth_maps_set_noise(&m, &c, &little);
+        assert_true(isinf(m.raw_m) && isinf(m.once_m));
+        if (of[i].width < 320) continue;
+        depth_maps_set_noise(&m, &c, &constant);
+        assert_true(m.raw_m == 0);
+    }
+}
+
 static void depth_ends_where_noise_is_thicker_than_the_surface(void **state) {
     (void)state;
     fathom_config c;
@@ -67,6 +106,7 @@ static void depth_ends_where_noise_is_thicker_than_the_surface(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_level_sees_the_same_field_of_view),
+        cmocka_unit_test(rough_depth_begins_where_normals_lose_pairs),
         cmocka_unit_test(depth_ends_where_noise_is_thicker_than_the_surface),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
