@@ -9,6 +9,8 @@
 #define KEPT 0.95f /* of the counts, from look to look */
 #define EDGE 0.05f /* of the depth: a second difference beyond is an edge */
 #define QUANTILE 0.9f
+#define OF_SIGMA 4.03f /* that quantile of second differences of independent pixels of sigma 1 */
+#define EVEN 0.1f     /* of the noise */
 #define ENOUGH 200.0f     /* pixels in a range */
 #define FULL 2000.0f      /* pixels: a range counts wholly */
 #define SHAPE_WEIGHT 0.05 /* of the settings' shape, at each of these depths where nothing was seen */
@@ -157,7 +159,8 @@ static double sigma_of(const kernel_noise *n, double z) {
     return n->base + n->slope * z + n->growth * z * z;
 }
 
-static kernel_noise estimate(const depth_noise *n) {
+/* even: set where depth varies from pixel to pixel by so much less than the noise that there is nothing to smooth. */
+static kernel_noise estimate(const depth_noise *n, bool *even) {
     double z[DEPTH_NOISE_RANGES + SHAPES], values[DEPTH_NOISE_RANGES + SHAPES],
         weights[DEPTH_NOISE_RANGES + SHAPES];
     int count = 0;
@@ -167,6 +170,7 @@ static kernel_noise estimate(const depth_noise *n) {
         values[count] = quantile(n->sizes[i], n->count[i]);
         weights[count++] = fmin(n->count[i] / FULL, 1);
     }
+    *even = false;
     if (count == 0) return n->given;
     const int seen = count;
     const int nearest = 0, farthest = count - 1;
@@ -184,6 +188,7 @@ static kernel_noise estimate(const depth_noise *n) {
         total += weights[i];
     }
     const float scale = (float)exp(excess / total);
+    *even = OF_SIGMA * EVEN * scale > 1;
     return (kernel_noise){scale * noise.base, scale * noise.slope, scale * noise.growth};
 }
 
@@ -192,8 +197,10 @@ void depth_noise_look(depth_noise *n, depth_maps *m, const fathom_depth_frame *f
     if (n->frames < EACH || n->frames % SOME == 0) {
         fade(n);
         count_frame(n, m, f);
-        const kernel_noise noise = estimate(n);
+        bool even;
+        const kernel_noise noise = estimate(n, &even);
         depth_maps_set_noise(m, n->config, &noise);
+        if (even) m->raw_m = m->once_m = INFINITY;
     }
     n->frames++;
 }

@@ -88,7 +88,7 @@ static void judge_in_place(fathom *f, const pose *at, const double covariance[36
     const pose here = pose_identity();
     const double centre[3] = {0, 0, 1.5};
     const kernel_camera *camera = &f->maps.camera[FINEST];
-    solve_prior prior = {.max_condition = c->max_condition, .correlated = CORRELATED_PAIRS};
+    solve_prior prior = {.correlated = CORRELATED_PAIRS};
     normal_equations e;
     solution s;
     comparison k;
