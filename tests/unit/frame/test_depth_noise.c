@@ -169,6 +169,27 @@ static void a_fence_is_no_noise(void **state) {
     for (double z = 1; z <= 2; z *= 2) assert_true(fabs(log(sigma(&m.noise, z) / sigma(&calm, z))) < log(1.2));
 }
 
+/* Rendered depth without noise is fused as it is, however rough the settings say that it may be. */
+static void even_depth_is_not_smoothed(void **state) {
+    (void)state;
+    static uint16_t depth[WIDTH * HEIGHT];
+    const fathom_config c = settings(5000);
+    const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
+                                      .row_stride_bytes = 2 * WIDTH};
+    for (int noisy = 0; noisy <= 1; noisy++) {
+        depth_noise n;
+        depth_maps m = {.source.metres_per_unit = 0.0002f, .source.factor = 2, .camera[FINEST].fx = 262};
+        uint32_t random = 7;
+        depth_noise_init(&n, &c);
+        for (int i = 0; i < WIDTH * HEIGHT; i++) {
+            const double z = 1 + 2.0 * (i % WIDTH) / WIDTH;
+            depth[i] = (uint16_t)lround(5000 * (noisy ? triangulation(z, &random) : z));
+        }
+        depth_noise_look(&n, &m, &frame);
+        assert_true(isinf(m.raw_m) == !noisy && isinf(m.once_m) == !noisy);
+    }
+}
+
 static void units_change_nothing(void **state) {
     (void)state;
     const kernel_noise a = estimate_of(lidar, 0.7, 6, 40, 10000, 3), b = estimate_of(lidar, 0.7, 6, 40, 5000, 3);
@@ -262,6 +283,7 @@ int main(void) {
         cmocka_unit_test(the_scale_stays_the_settings),
         cmocka_unit_test(edges_change_little),
         cmocka_unit_test(a_fence_is_no_noise),
+        cmocka_unit_test(even_depth_is_not_smoothed),
         cmocka_unit_test(units_change_nothing),
         cmocka_unit_test(unseen_depths_have_the_settings_shape),
         cmocka_unit_test(blank_frames_leave_the_settings),
