@@ -117,7 +117,8 @@ kernel void mark_seen(kernel_camera c, global const float *farthest, kernel_rigi
  * p is n . p - w metres in front of the plane. The weight is the depth's inverse variance times the cosine of
  * incidence; pixels without a normal count a quarter, with a plane across the ray. First word: n, packed. Second word:
  * w, computed with the packed n so that the plane contains the pixel's point; its last bits are the weight. Pixels
- * without depth have an infinite w. Global size: work-items that share a row, height. */
+ * without depth have an infinite w. Depth below from_m is taken raw, else smooth. Global size: work-items that share a
+ * row, height. */
 kernel void pack_planes(global const float *depth, global const float *smooth, float from_m,
                         global const float *normals, kernel_camera c, kernel_noise noise, global uint2 *planes) {
     int y = get_global_id(1);

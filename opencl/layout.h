@@ -60,7 +60,7 @@ typedef struct {
 /* ---- alignment ---- */
 
 /* Sums of a row: upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w
- * |p|^2, pairs n, pixels where both have a surface. */
+ * |p|^2, pairs n, pixels where both have a surface, sum of w (1 - cosine) between the pairs' normals. */
 #define SUMS 36
 #define SUMS_PAIRS 33
 #define SUMS_OVERLAP 34

@@ -41,7 +41,6 @@ static void every_level_sees_the_same_field_of_view(void **state) {
     }
 }
 
-/* Where sigma, base + growth z^2, is two truncations (of four voxels). */
 /* The sigma of a slope, in pixels, at a depth where the surface begins to be rough. */
 static double slope_sigma(const depth_maps *m, const fathom_config *c, double z, double of_slope) {
     const double sigma = c->depth_noise_base_m + c->depth_noise_slope * z + c->depth_noise_growth_per_m * z * z;
@@ -81,6 +80,7 @@ static void rough_depth_begins_where_normals_lose_pairs(void **state) {
     }
 }
 
+/* Where sigma, base + growth z^2, is two truncations (of four voxels). */
 static void depth_ends_where_noise_is_thicker_than_the_surface(void **state) {
     (void)state;
     fathom_config c;

@@ -49,6 +49,11 @@ static fathom_config settings(float units) {
     return c;
 }
 
+static fathom_depth_frame frame_of(const uint16_t *depth) {
+    return (fathom_depth_frame){.struct_size = sizeof(fathom_depth_frame), .width = WIDTH, .height = HEIGHT, .depth = depth,
+                                .row_stride_bytes = 2 * WIDTH};
+}
+
 /* Slanted walls side by side, from near to far, each `step` pixels wide. */
 static void render(uint16_t *depth, sensor s, double near_m, double far_m, int step, float units, uint32_t *random) {
     for (int y = 0; y < HEIGHT; y++)
@@ -63,8 +68,7 @@ static void render(uint16_t *depth, sensor s, double near_m, double far_m, int s
 static kernel_noise estimate_of(sensor s, double near_m, double far_m, int step, float units, int frames) {
     static uint16_t depth[WIDTH * HEIGHT];
     const fathom_config c = settings(units);
-    const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
-                                      .row_stride_bytes = 2 * WIDTH};
+    const fathom_depth_frame frame = frame_of(depth);
     depth_noise n;
     depth_maps m = {.source.metres_per_unit = 1 / units};
     uint32_t random = 7;
@@ -156,8 +160,7 @@ static void a_fence_is_no_noise(void **state) {
     (void)state;
     static uint16_t depth[WIDTH * HEIGHT];
     const fathom_config c = settings(1000);
-    const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
-                                      .row_stride_bytes = 2 * WIDTH};
+    const fathom_depth_frame frame = frame_of(depth);
     depth_noise n;
     depth_maps m = {.source.metres_per_unit = 0.001f};
     uint32_t random = 7;
@@ -174,8 +177,7 @@ static void even_depth_is_not_smoothed(void **state) {
     (void)state;
     static uint16_t depth[WIDTH * HEIGHT];
     const fathom_config c = settings(5000);
-    const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
-                                      .row_stride_bytes = 2 * WIDTH};
+    const fathom_depth_frame frame = frame_of(depth);
     for (int noisy = 0; noisy <= 1; noisy++) {
         depth_noise n;
         depth_maps m = {.source.metres_per_unit = 0.0002f, .source.factor = 2, .camera[FINEST].fx = 262};
@@ -207,8 +209,7 @@ static void blank_frames_leave_the_settings(void **state) {
     (void)state;
     static uint16_t depth[WIDTH * HEIGHT];
     const fathom_config c = settings(1000);
-    const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
-                                      .row_stride_bytes = 2 * WIDTH};
+    const fathom_depth_frame frame = frame_of(depth);
     depth_noise n;
     depth_maps m = {.noise = {9, 9, 9}, .source.metres_per_unit = 0.001f};
     depth_noise_init(&n, &c);
@@ -221,8 +222,7 @@ static void a_change_is_followed(void **state) {
     (void)state;
     static uint16_t depth[WIDTH * HEIGHT];
     const fathom_config c = settings(1000);
-    const fathom_depth_frame frame = {.struct_size = sizeof frame, .width = WIDTH, .height = HEIGHT, .depth = depth,
-                                      .row_stride_bytes = 2 * WIDTH};
+    const fathom_depth_frame frame = frame_of(depth);
     depth_noise n;
     depth_maps m = {.source.metres_per_unit = 0.001f};
     uint32_t random = 3;
