@@ -322,7 +322,8 @@ typedef struct {
     /* Maximum iterations, coarsest to finest level, without a usable seed. 0..100 each, one of them at least 1;
      * default 10, 5, 4. */
     int32_t max_iterations[FATHOM_LEVELS];
-    /* The same from a usable seed. Default 0, 0, 4. */
+    /* The same from a usable seed. Default 0, 0, 4. With FATHOM_PRIOR_INFORMATION either may be exceeded fourfold, while
+     * an iteration moves the pose by more than its sigma. */
     int32_t max_seeded_iterations[FATHOM_LEVELS];
     /* A seed is usable when the sigma of its translation is at most this. 0..100 m; default 0.02. */
     float max_seed_sigma_m;
@@ -359,8 +360,8 @@ typedef struct {
     float min_evident_fraction, max_evident_sigmas;
     /* across the surface, in addition to a voxel and three sigma of the depth. 1e-4..100 m; default 0.02 */
     float agreement_tolerance_m;
-    /* Maximum sigma of a fused pose, inertia included: along a bare wall geometry gives no information, and a pose that
-     * inertia doesn't hold either isn't fused. 1e-4..1000; default 0.02 m and 0.02 rad. */
+    /* Maximum sigma of a fused pose, inertia included, in the map or relative to the last tracked frame, whose surface is
+     * in view: along a bare wall geometry gives no information, and a pose that inertia doesn't hold either isn't fused. 1e-4..1000; default 0.02 m and 0.02 rad. */
     float max_sigma_m, max_sigma_rad;
 
     /* ---- surface and memory ---- */
@@ -629,8 +630,9 @@ typedef enum {
     FATHOM_VERDICT_CONDITION = 5,  /* above max_condition */
     FATHOM_VERDICT_INNOVATION = 6, /* further from the seed than max_innovation_sigmas */
     FATHOM_VERDICT_CONTRADICTION = 7, /* the predicted view disagrees with the frame: min_agreement, max_see_through */
-    FATHOM_VERDICT_UNCERTAIN = 8,  /* above max_sigma_m or max_sigma_rad: the pose is returned, and the directions that
-                                      geometry determines are used, but nothing is fused */
+    FATHOM_VERDICT_UNCERTAIN = 8,  /* above max_sigma_m or max_sigma_rad, in the map and since the last tracked frame: the
+                                      pose is returned, and the directions that geometry determines are used, but
+                                      nothing is fused */
     FATHOM_VERDICT_DEVICE = 9      /* OpenCL failed in this step or before it: nothing is known of the frame */
 } fathom_verdict;
 

@@ -31,7 +31,7 @@ static void first_turn(fathom *f, const fathom_depth_frame *scan, fathom_result 
     if (!f->started) return;
     memset(f->covariance, 0, sizeof f->covariance);
     for (int i = 0; i < 6; i++) f->covariance[7 * i] = 1e-10;
-    track_keep(&f->tracker, &f->pose);
+    track_keep(&f->tracker, &f->pose, r->timestamp_ns);
     inertial_correct(&f->inertial, &f->pose, NULL, NULL, true, r->timestamp_ns);
     inertial_check(&f->inertial, &f->pose, true, r->timestamp_ns);
     r->state = FATHOM_FIRST;
@@ -61,7 +61,7 @@ static void turn(fathom *f, const fathom_depth_frame *scan, fathom_result *r) {
     if (tracking) {
         if (!f->paused) fuse(&f->fusing, &icp->motion, r);
         move(f, &icp->motion, icp->covariance);
-        track_keep(&f->tracker, &f->pose);
+        track_keep(&f->tracker, &f->pose, scan->timestamp_ns);
     } else if (best.verdict == FATHOM_VERDICT_UNCERTAIN) { /* some directions are known: a wall's distance, tilt */
         move(f, &icp->motion, icp->covariance);
     } else {

@@ -18,7 +18,22 @@ typedef struct {
     wfloat px, py, pz, nx, ny, nz, b, w;
 } wide_pairs;
 
+/* The scan's normals of these, in the model's camera. */
+typedef struct {
+    wfloat x, y, z;
+} wide_normals;
+
 #define KEPT (WIDE == 1 ? 1 : 16) /* of them, until they are summed */
+
+/* The row of A of each pair, with a normal. */
+inline void row_of(wide_pairs p, wfloat nx, wfloat ny, wfloat nz, wfloat *a) {
+    a[0] = p.py * nz - p.pz * ny;
+    a[1] = p.pz * nx - p.px * nz;
+    a[2] = p.px * ny - p.py * nx;
+    a[3] = nx;
+    a[4] = ny;
+    a[5] = nz;
+}
 
 /* Adds the pairs to the sums, in two passes: the sums of either stay in registers. */
 inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
@@ -27,13 +42,9 @@ inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
     for (int k = 0; k < 18; k++) r[k] = 0.0f;
     for (int g = 0; g < count; g++) {
         wide_pairs p = pairs[g];
-        wfloat a[6] = {p.py * p.nz - p.pz * p.ny,
-                       p.pz * p.nx - p.px * p.nz,
-                       p.px * p.ny - p.py * p.nx,
-                       p.nx,
-                       p.ny,
-                       p.nz};
+        wfloat a[6];
         int k = 0;
+        row_of(p, p.nx, p.ny, p.nz, a);
 #pragma unroll
         for (int i = 0; i < 3; i++) {
             wfloat wa = p.w * a[i];
@@ -74,19 +85,42 @@ inline void accumulate(wfloat *s, const wide_pairs *pairs, int count) {
     for (int k = 0; k < 9; k++) s[24 + k] += r[6 + k];
 }
 
+/* Adds the pairs to A^T S. */
+inline void accumulate_across(wfloat *s, const wide_pairs *pairs, const wide_normals *scan, int count) {
+    wfloat r[21];
+#pragma unroll
+    for (int k = 0; k < 21; k++) r[k] = 0.0f;
+    for (int g = 0; g < count; g++) {
+        wide_pairs p = pairs[g];
+        wfloat a[6], b[6];
+        row_of(p, p.nx, p.ny, p.nz, a);
+        row_of(p, scan[g].x, scan[g].y, scan[g].z, b);
+        int k = 0;
+#pragma unroll
+        for (int i = 0; i < 6; i++) {
+            wfloat wa = 0.5f * p.w * a[i], wb = 0.5f * p.w * b[i];
+#pragma unroll
+            for (int j = i; j < 6; j++) r[k++] += wa * b[j] + wb * a[j];
+        }
+    }
+#pragma unroll
+    for (int k = 0; k < 21; k++) s[SUMS_ACROSS + k] += r[k];
+}
+
 /* Global size: GROUP, rows. Local size: GROUP, 1. sums: SUMS floats per row. depth, normals: the scan's, padded. model:
  * normal and depth, in the model kernel_camera mc. */
 kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void
 align_reduce(global const float *depth, global const float *normals, kernel_camera c,
              global const uint2 *model, kernel_camera mc, kernel_rigid motion, kernel_pair_limits limits,
              global float *sums) {
-    int y = get_global_id(1);
+    int y = get_global_id(1), across = y % ACROSS_EVERY == 0;
     wfloat s[SUMS];
     wide_pairs pairs[KEPT];
+    wide_normals scan[KEPT];
     int at[WIDE * KEPT];
     uint2 fetched[WIDE * KEPT];
     for (int k = 0; k < SUMS; k++) s[k] = 0.0f;
-    wfloat zero = 0.0f, one = 1.0f, pair_count = 0.0f, overlap = 0.0f, unlike = 0.0f;
+    wfloat zero = 0.0f, one = 1.0f, pair_count = 0.0f, overlap = 0.0f;
     float ifx = 1.0f / c.fx, imfx = 1.0f / mc.fx, imfy = 1.0f / mc.fy, v = ((float)y - c.cy) / c.fy;
     /* of a ray, in the model's camera: the parts that are constant in a row */
     float rx = motion.x.y * v + motion.x.z, ry = motion.y.y * v + motion.y.z,
@@ -137,10 +171,10 @@ align_reduce(global const float *depth, global const float *normals, kernel_came
             /* the scan's normal, turned into the model's camera */
             wfloat qx = WLOAD(normals + i), qy = WLOAD(normals + c.plane + i),
                    qz = WLOAD(normals + 2 * c.plane + i);
-            wfloat cosine = nx * (motion.x.x * qx + motion.x.y * qy + motion.x.z * qz) +
-                            ny * (motion.y.x * qx + motion.y.y * qy + motion.y.z * qz) +
-                            nz * (motion.z.x * qx + motion.z.y * qy + motion.z.z * qz);
-            valid &= cosine > limits.cos_angle;
+            wfloat sx = motion.x.x * qx + motion.x.y * qy + motion.x.z * qz;
+            wfloat sy = motion.y.x * qx + motion.y.y * qy + motion.y.z * qz;
+            wfloat sz = motion.z.x * qx + motion.z.y * qy + motion.z.z * qz;
+            valid &= nx * sx + ny * sy + nz * sz > limits.cos_angle;
             wfloat b = nx * dx + ny * dy + nz * dz;
             wfloat w = p->w * limits.huber / fmax(fabs(b), limits.huber);
             /* an invalid lane may hold anything, NaN too: clear the factors, not only the weight */
@@ -153,13 +187,17 @@ align_reduce(global const float *depth, global const float *normals, kernel_came
             p->b = SELECT(zero, b, valid);
             p->w = SELECT(zero, w, valid);
             pair_count += SELECT(zero, one, valid);
-            unlike += SELECT(zero, w * (one - cosine), valid);
+            if (across) {
+                scan[g].x = SELECT(zero, sx, valid);
+                scan[g].y = SELECT(zero, sy, valid);
+                scan[g].z = SELECT(zero, sz, valid);
+            }
         }
         accumulate(s, pairs, kept); /* 4 */
+        if (across) accumulate_across(s, pairs, scan, kept);
     }
     s[SUMS_PAIRS] = pair_count;
     s[SUMS_OVERLAP] = overlap;
-    s[SUMS_UNLIKE] = unlike;
 #if GROUP > 1
     local float tree[GROUP];
     int lane = get_local_id(0);

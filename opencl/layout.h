@@ -60,11 +60,13 @@ typedef struct {
 /* ---- alignment ---- */
 
 /* Sums of a row: upper triangle of A^T A row by row (21), A^T b (6), b^T b, sum of weights, sum of w p (3), sum of w
- * |p|^2, pairs n, pixels where both have a surface, sum of w (1 - cosine) between the pairs' normals. */
-#define SUMS 36
+ * |p|^2, pairs n, pixels where both have a surface; in every ACROSS_EVERY-th row, else 0, upper triangle of the
+ * symmetric part of A^T S (21), S being A with the scan's normals in place of the model's. */
+#define SUMS 56
 #define SUMS_PAIRS 33
 #define SUMS_OVERLAP 34
-#define SUMS_UNLIKE 35
+#define SUMS_ACROSS 35
+#define ACROSS_EVERY 8
 
 typedef struct {
     cl_float distance2; /* maximum squared distance of a pair, m^2 */

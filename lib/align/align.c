@@ -65,10 +65,27 @@ void align_reduce(aligner *a, device *d, depth_maps *maps, int level, const pose
     memset(e, 0, sizeof *e);
     for (int i = 0; i < 3; i++) e->centre[i] = limits.centre.s[i];
     float *sums = device_map(d, &a->sums, CL_MAP_READ);
-    for (int row = 0; sums && row < camera->height; row++)
-        normal_equations_add(e, sums + row * SUMS, row * SOLVE_BANDS / camera->height);
+    for (int row = 0; sums && row < camera->height; row++) {
+        const float *strip = sums + row * SUMS;
+        normal_equations_add(e, strip, row * SOLVE_BANDS / camera->height);
+        if (row % ACROSS_EVERY == 0) normal_equations_add_across(e, strip, strip + SUMS_ACROSS);
+    }
     device_unmap(d, &a->sums, sums);
     normal_equations_total(e);
+}
+
+/* While an iteration moves the pose by more than SETTLED_SIGMAS, there may be MORE times as many as budgeted. */
+#define SETTLED_SIGMAS 1.0
+#define MORE 4
+
+/* The i-th iteration at a level was its last. held: by a prior, so that s->covariance is in true units. */
+static bool finished(const fathom_config *c, int i, int budget, const solution *s, bool held,
+                     double last_error, double error) {
+    const pose update = pose_exp(s->twist);
+    const bool small = pose_angle(&update) < c->min_update_rad && pose_distance(&update) < c->min_update_m;
+    const bool level_error = last_error - error < c->min_error_decrease * last_error;
+    if (held && covariance_mahalanobis(s->covariance, s->twist) > SETTLED_SIGMAS) return i >= MORE * budget;
+    return i >= budget || small || level_error;
 }
 
 void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FATHOM_LEVELS],
@@ -81,11 +98,15 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
     result->condition = INFINITY;
     for (int level = 0; level < FATHOM_LEVELS; level++) {
         double last_error = INFINITY;
-        for (int i = 0; i < budget[level]; i++) {
+        bool done = budget[level] == 0;
+        for (int i = 1; !done; i++) {
             normal_equations e;
             solution s;
-            solve_prior prior = {
-                .correlated = CORRELATED_PAIRS, .max_sigma_m = c->max_sigma_m, .shared_m = a->shared_m};
+            solve_prior prior = {.correlated = CORRELATED_PAIRS,
+                                 .converging = true,
+                                 .since_s = known->since_s,
+                                 .max_sigma_m = c->max_sigma_m,
+                                 .shared_m = a->shared_m};
             align_reduce(a, d, maps, level, &result->motion, &model[level], &maps->camera[level],
                          pair_distance(a, level, sigma), c->huber_m, centre, &e);
             result->iterations++;
@@ -96,6 +117,13 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             bool held = c->prior == FATHOM_PRIOR_INFORMATION &&
                         prior_of_twist(known, &result->motion, prior.mean, prior.information);
             bool solved = solve_alignment(&e, held ? &prior : NULL, &s);
+            const double error = s.residual / e.weight;
+            done = finished(c, i, budget[level], &s, held, last_error, error);
+            last_error = error;
+            if (solved && held && done && level == FINEST) { /* what remains is what the surface tells */
+                prior.converging = false;
+                solved = solve_alignment(&e, &prior, &s);
+            }
             memcpy(result->singular, s.singular, sizeof s.singular);
             result->condition = s.condition;
             result->shared_m = s.shared_m;
@@ -105,8 +133,7 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             pose update = pose_exp(s.twist);
             result->motion = pose_multiply(&update, &result->motion);
             pose_normalise(&result->motion);
-            double error = s.residual / e.weight;
-            result->rms = sqrt(error);
+            result->rms = sqrt(s.residual / e.weight);
             if (!held) { /* variance of a pair of weight 1, from the residual */
                 double variance = s.residual / fmax(e.pairs - 6, 1) * CORRELATED_PAIRS;
                 for (int k = 0; k < 36; k++) s.covariance[k] *= variance;
@@ -121,11 +148,6 @@ void align(aligner *a, device *d, depth_maps *maps, const device_buffer model[FA
             } else {
                 covariance_invert(result->covariance, result->information);
             }
-
-            bool small = pose_angle(&update) < c->min_update_rad && pose_distance(&update) < c->min_update_m;
-            bool level_error = last_error - error < c->min_error_decrease * last_error;
-            last_error = error;
-            if (small || level_error) break;
         }
     }
 }

@@ -11,6 +11,7 @@
 typedef struct {
     pose mean;
     double covariance[36];
+    double since_s; /* seconds since the last tracked frame, by which the map was made */
 } align_prior;
 
 /* Convert covariance, information, a twist, and information times twist of a left perturbation to those of the right

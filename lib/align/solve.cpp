@@ -3,14 +3,13 @@
 #include <Eigen/Dense>
 #include <cmath>
 
-/* Where the normals of scan and map differ, one of them is wrong, and A^T A shows as much in directions that the surface
- * leaves free: this part of the sum of w (1 - cosine), in each. Bare walls and a corridor show 0.1 to 0.3 of that sum along
- * their free directions, rooms 0.5 to 5. */
-#define NORMAL_NOISE 0.12
+/* Scan and map share a part of their normals' noise, since the map was made of scans and a sensor's flicker lasts: this part
+ * of the sum of w (1 - cosine), along each direction, and how long it takes to fall to a third. */
+#define SHARED_NOISE 0.15
+#define FLICKER_S 0.3
 
-/* A direction to which that noise contributes nearly as much as the pairs makes the pose drift: information of this many
- * times the noise is halved. */
-#define SHYNESS 8.0
+/* A direction of less reliability shows nothing of the error that pixels share. */
+#define LEAST_RELIABLE 0.1
 
 /* The error that the pixels of a frame share lasts over some frames, and the map takes it over: it is this many times what
  * the residuals of one frame show. */
@@ -29,17 +28,28 @@ void normal_equations_add(normal_equations *e, const float *sums, int band) {
     e->point_squared += sums[32];
     e->pairs += sums[33];
     e->overlap += sums[34];
-    e->unlike += sums[35];
+}
+
+void normal_equations_add_across(normal_equations *e, const float *ata, const float *ats) {
+    for (int k = 0; k < 21; k++) {
+        e->some[k] += ata[k];
+        e->across[k] += ats[k];
+    }
+}
+
+/* Adds a symmetric matrix, given by its upper triangle. */
+static void add_triangle(const double triangle[21], double m[36]) {
+    int k = 0;
+    for (int i = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, k++) {
+            m[6 * i + j] += triangle[k];
+            if (i != j) m[6 * j + i] += triangle[k];
+        }
 }
 
 /* Adds a band's A^T A and A^T b. */
 static void add_band(const double band[27], double ata[36], double atb[6]) {
-    int k = 0;
-    for (int i = 0; i < 6; i++)
-        for (int j = i; j < 6; j++, k++) {
-            ata[6 * i + j] += band[k];
-            if (i != j) ata[6 * j + i] += band[k];
-        }
+    add_triangle(band, ata);
     for (int i = 0; i < 6; i++) atb[i] += band[21 + i];
 }
 
@@ -65,7 +75,7 @@ static Matrix6 about(const Vector3d &shift) {
  * would contribute to it, H^-1 (sum of g g^T) H^-1 with g = A^T (b - A x) of each band, whatever correlates them within.
  * Its mean over the directions that the pairs determine. scaled: x about the centroid to x about the reference. */
 static double shared_variance(const normal_equations *e, const Matrix6 &scaled, const Vector6 &y,
-                              const Matrix6 &v, const Vector6 &squared, double least) {
+                              const Matrix6 &v, const Vector6 &squared, const Vector6 &reliable) {
     const Vector6 x = scaled * y;
     Eigen::Matrix<double, 6, SOLVE_BANDS> g;
     for (int i = 0; i < SOLVE_BANDS; i++) {
@@ -78,11 +88,32 @@ static double shared_variance(const normal_equations *e, const Matrix6 &scaled, 
     double sum = 0;
     int observed = 0;
     for (int i = 0; i < 6; i++) {
-        if (squared[i] <= least) continue;
+        if (reliable[i] <= LEAST_RELIABLE) continue;
         sum += (v.col(i).transpose() * g).squaredNorm() / (squared[i] * squared[i]);
         observed++;
     }
     return observed > 0 ? sum / observed * SOLVE_BANDS / (SOLVE_BANDS - 1) : 0;
+}
+
+/* The part of A^T A along each direction of v that surface contributes and not the noise of normals. The model's normals
+ * are noisy, so A^T A shows information in directions that the surface leaves free, as many square metres of a bare wall
+ * do along the wall. The scan's normals have a noise of their own: in A^T S only what both show adds up (an instrumental
+ * variable: Fuller 1987, Section 1.4). */
+static Vector6 reliability(const normal_equations *e, double since_s, const Matrix6 &to_reference,
+                           const Matrix6 &v) {
+    Matrix6 some = Matrix6::Zero(), across = Matrix6::Zero();
+    add_triangle(e->some, some.data());
+    add_triangle(e->across, across.data());
+    const double unlike = some.diagonal().tail<3>().sum() - across.diagonal().tail<3>().sum();
+    const double shared = SHARED_NOISE * std::exp(-since_s / FLICKER_S) * std::max(unlike, 0.0);
+    const Matrix6 directions = to_reference * v;
+    Vector6 out;
+    for (int i = 0; i < 6; i++) {
+        const double all = directions.col(i).dot(some * directions.col(i));
+        const double both = directions.col(i).dot(across * directions.col(i)) - shared;
+        out[i] = all > 0 ? std::min(std::max(both / all, 0.0), 1.0) : 0;
+    }
+    return out;
 }
 
 /* Which directions the pairs' information determines. */
@@ -122,15 +153,16 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
     Vector6 g = to_reference.transpose() * atb;
     h = 0.5 * (h + h.transpose()).eval();
 
-    Eigen::JacobiSVD<Eigen::Matrix<double, 6, 6>> svd(h, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const auto &v = svd.matrixV();
-    Vector6 squared = svd.singularValues(); /* of A^T A: the squares of A's */
-    Vector6 projected = svd.matrixU().transpose() * g;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(h); /* smallest first */
+    const Matrix6 v = eigen.eigenvectors().rowwise().reverse();
+    const Vector6 squared =
+        eigen.eigenvalues().reverse().cwiseMax(0.0); /* the squares of A's singular values */
+    const Vector6 projected = v.transpose() * g;
     double largest = squared[0];
     Vector6 y = Vector6::Zero();
     Matrix6 covariance = Matrix6::Zero();
     for (int i = 0; i < 6; i++) {
-        s->singular[i] = std::sqrt(std::max(squared[i], 0.0));
+        s->singular[i] = std::sqrt(squared[i]);
         if (squared[i] > 1e-12 * largest) y += v.col(i) * (projected[i] / squared[i]);
         covariance += v.col(i) * v.col(i).transpose() / std::max(squared[i], 1e-9 * largest);
     }
@@ -140,18 +172,19 @@ bool solve_alignment(const normal_equations *e, const solve_prior *prior, soluti
     if (prior && e->pairs > 6) {
         /* a pair's variance from the residual; minimum sigma 10 um, for scans without noise */
         double variance = std::max(s->residual / (e->pairs - 6), 1e-10) * prior->correlated;
-        const double noise = std::max(NORMAL_NOISE * e->unlike, 1e-9 * largest);
-        s->shared_m = std::sqrt(shared_variance(e, to_reference, y, v, squared, noise));
+        const Vector6 reliable = reliability(e, prior->since_s, to_reference, v);
+        s->shared_m = std::sqrt(shared_variance(e, to_reference, y, v, squared, reliable));
         Matrix6 joint = to_origin.transpose() * Eigen::Map<const Matrix6>(prior->information) * to_origin;
         Vector6 right = joint * to_origin.inverse() * Eigen::Map<const Vector6>(prior->mean);
         Vector6 own_right = Vector6::Zero();
         Matrix6 own = Matrix6::Zero();
         for (int i = 0; i < 6; i++) {
-            double information = std::max(squared[i] - 2 * noise, 0.0) / variance * squared[i] /
-                                 (squared[i] + SHYNESS * noise);
+            if (squared[i] <= 1e-12 * largest) continue;
+            /* the variance along it is squared[i] variance / (reliable[i] squared[i])^2 */
+            const double part = prior->converging ? 1 : reliable[i] * reliable[i];
+            const double information = part * squared[i] / variance;
             own += information * v.col(i) * v.col(i).transpose();
-            if (squared[i] > 1e-12 * largest)
-                own_right += v.col(i) * (information * projected[i] / squared[i]);
+            own_right += v.col(i) * (information * projected[i] / squared[i]);
         }
         const double lasting = SHARED_IN_TIME * std::max(prior->shared_m, s->shared_m);
         own = widened(own, lasting * lasting, &own_right);

@@ -20,7 +20,9 @@ typedef struct {
     double point_squared; /* sum of w |p|^2 */
     double pairs;         /* n */
     double overlap;       /* pixels where scan and model both have a surface */
-    double unlike;        /* sum of w (1 - cosine), between the normals of scan and model */
+    /* of some of the pairs: A^T A, and the symmetric part of A^T S, S being A with the scan's normals in place of the
+     * model's; upper triangles, row by row */
+    double some[21], across[21];
     double centre[3];
     /* the upper triangle of A^T A, row by row, and A^T b of each band of the map, from top to bottom */
     double bands[SOLVE_BANDS][27];
@@ -50,6 +52,9 @@ typedef struct {
 /* Adds one strip's sums, as the kernel wrote them, in double precision; band: 0..SOLVE_BANDS-1. A^T A and A^T b are known
  * once all strips have been added, by normal_equations_total. */
 void normal_equations_add(normal_equations *e, const float *sums, int band);
+
+/* Adds a strip that holds A^T S: the upper triangles of A^T A and of that. */
+void normal_equations_add_across(normal_equations *e, const float *ata, const float *ats);
 void normal_equations_total(normal_equations *e);
 
 /* The inertial prior of the twist: mean and information (inverse covariance). */
@@ -57,13 +62,16 @@ typedef struct {
     double mean[6];
     double information[36]; /* row-major */
     double correlated;      /* number of pairs that count as one independent measurement beside the prior */
-    double max_sigma_m;     /* of an observed direction */
-    double shared_m;        /* minimum of the error that pixels share: solution.shared_m of earlier frames */
+    /* the pose isn't settled, and normals differ as those of wrong pairs do: all of the pairs' information counts */
+    bool converging;
+    double since_s; /* seconds since the map was last made from a scan: their noise is less alike with time */
+    double max_sigma_m; /* of an observed direction */
+    double shared_m;    /* minimum of the error that pixels share: solution.shared_m of earlier frames */
 } solve_prior;
 
-/* Solves by singular value decomposition. Without a prior (NULL), directions whose singular value is below 1e-6 of the
+/* Solves by the singular values of A. Without a prior (NULL), directions whose singular value is below 1e-6 of the
  * largest are left alone (minimum norm). With one, its information is added to the pairs', from which the share due to
- * noise is subtracted first, so that inertia holds the directions that geometry leaves free; covariance is then the
+ * noise is taken first, so that inertia holds the directions that geometry leaves free; covariance is then the
  * joint one, in true units. However many pairs there are, they are no surer than the error that they share: its variance
  * is added to theirs in each direction. False when there is nothing to solve: no pairs, or sums that aren't finite. */
 bool solve_alignment(const normal_equations *e, const solve_prior *prior, solution *s);

@@ -18,6 +18,8 @@
 #define MAX_MISMATCH 3
 #define MISMATCH_RATE 0.1 /* weight of a pose in the logarithm of the mismatch */
 #define MISMATCH_JUMP 4   /* squared misfit beyond which the mismatch grows at once */
+#define UNSTEADY_RATE 0.1 /* weight of a pose in the mean squares of accelerations */
+#define UNSTEADY_S 0.5    /* poses further apart tell nothing of them */
 /* a larger error of the gyroscope in the rotation between accepted poses is a contradiction */
 #define DOUBT_RAD 0.012
 #define DOUBT_SECONDS 1.0 /* poses further apart carry little information */
@@ -82,12 +84,29 @@ static void learn_turning(inertial *n, const measurement *m) {
     for (int i = 0; i < 3; i++) now->turning[i] = w[i] / seconds;
 }
 
+/* Without an IMU the motion between poses keeps its velocity, and its error is learnt from the poses: by how much the rate
+ * changed, and by how much the state, which has been propagated to the measurement's time, is off. */
+static void learn_unsteadiness(inertial *n, const measurement *m, const double turning[3], double dt) {
+    navigation *now = &n->now;
+    const pose predicted = navigator_camera(&now->state, n->lever), way = pose_between(&predicted, &m->camera_to_world);
+    double turn = 0;
+    for (int i = 0; i < 3; i++) turn += pow((now->turning[i] - turning[i]) / dt, 2) / 3;
+    const double push = pow(pose_distance(&way), 2) / 3;
+    now->unsteady[0] += UNSTEADY_RATE * (fmax(turn - pow(m->floors[0] / (dt * dt), 2), 0) - now->unsteady[0]);
+    now->unsteady[1] += UNSTEADY_RATE * (fmax(push - pow(m->floors[3], 2), 0) * 3 / pow(dt, 3) - now->unsteady[1]);
+}
+
 /* Propagates the state to the measurement's time, and corrects it. */
 static void apply(inertial *n, const measurement *m) {
     navigation *now = &n->now;
     navigator before = now->state;
+    const double dt = seconds_between(before.timestamp_ns, m->timestamp_ns);
+    const bool unmeasured = !(n->usable && n->samples.count > 1) || now->doubted;
+    double turning[3];
+    memcpy(turning, now->turning, sizeof turning);
     if (m->sound) learn_turning(n, m);
     navigate(n, &now->state, m->timestamp_ns);
+    if (m->sound && unmeasured && dt > 0 && dt < UNSTEADY_S) learn_unsteadiness(n, m, turning, dt);
     double mismatch = m->sound ? learn_mismatch(n, &before, m) : now->mismatch;
     if (m->linearise) navigator_correct(&now->state, m, mismatch);
     if (!m->of_frame) return;

@@ -22,7 +22,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     double dt = 1e-9 * ((double)late - (double)early), period = 1e-9 * (double)n->samples.period_ns;
     double w0[3], w1[3], a0[3], a1[3], gyro[3], accel[3];
     navigator_noise noise = {c->gyro_noise_rad_s_sqrthz,
-                             c->motion_sigma_m_s2 * sqrt(HAND_SECONDS),
+                             sqrt(fmax(pow(c->motion_sigma_m_s2, 2) * HAND_SECONDS, n->now.unsteady[1])),
                              BIAS_WALK,
                              ACCEL_WALK,
                              0,
@@ -56,7 +56,7 @@ static void stretch(inertial *n, navigator *s, int64_t early, int64_t late, int 
     if (!covered) {
         int64_t known = by_poses ? n->now.corrected_ns : sampled == INT64_MIN ? early : sampled;
         double age = known == INT64_MIN ? 0 : fmin(1e-9 * fabs((double)early - (double)known), MAX_BLIND);
-        noise.turn = c->motion_sigma_rad_s2 * sqrt(pow(age + dt, 4) - pow(age, 4));
+        noise.turn = sqrt(fmax(pow(c->motion_sigma_rad_s2, 2), n->now.unsteady[0]) * (pow(age + dt, 4) - pow(age, 4)));
         if (n->running) coast = fmin(dt, fmax(COAST_SECONDS - age, 0));
     }
     bool force = covered && n->force_usable && isfinite(accel[0] + accel[1] + accel[2]) && n->running;

@@ -17,6 +17,9 @@ typedef struct {
     int against;          /* consecutive accepted poses that it contradicted */
     double gyro_error;    /* rad^2: error of the rotation between poses as the samples predict it */
     double turn_error;    /* the same as the previous poses predict it, without samples */
+    /* mean squares of what constant velocity didn't foresee, without an IMU: of the angular acceleration, rad^2/s^4, and
+     * the linear one's density, m^2/s^3 */
+    double unsteady[2];
     double turning[3];    /* rad/s in camera axes, from the last two poses; used without a gyroscope */
     int64_t corrected_ns; /* stamp of the last accepted pose; INT64_MIN: none yet */
     pose corrected;       /* that pose */

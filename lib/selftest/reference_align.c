@@ -8,7 +8,8 @@
 /* A scan pixel's partner in the model (Section 2). */
 typedef struct {
     double p[3], d[3], n[3]; /* scan point in the model's camera, model point and its normal */
-    double b, w, unlike;     /* n . (d - p), weight, 1 - cosine of the angle between the normals */
+    double turned[3];        /* the scan's normal in the model's camera */
+    double b, w;             /* n . (d - p), weight */
 } pair;
 
 typedef enum { NOTHING, OVERLAP, PAIR } met;
@@ -36,38 +37,43 @@ static met find_pair(const float *depth, const float *normals, const kernel_came
     if (!(m[3] > 0) || (m[0] == 0 && m[1] == 0 && m[2] == 0))
         return NOTHING; /* no surface, or none with a normal */
 
-    double scan_normal[3], turned[3], gap[3];
+    double scan_normal[3], gap[3];
     for (int i = 0; i < 3; i++) {
         out->n[i] = m[i];
         scan_normal[i] = normals[i * c->plane + at];
     }
-    ref_rotate(motion, scan_normal, turned);
+    ref_rotate(motion, scan_normal, out->turned);
     out->d[0] = (column - (double)mc->cx) / mc->fx * m[3];
     out->d[1] = (row - (double)mc->cy) / mc->fy * m[3];
     out->d[2] = m[3];
     for (int i = 0; i < 3; i++) gap[i] = out->d[i] - out->p[i];
     const double most = l->distance2, huber = l->huber;
     if (!ref_below(dot(gap, gap), most, 1e-4 * most, doubt)) return OVERLAP;
-    if (!ref_below(l->cos_angle, dot(out->n, turned), 1e-5, doubt)) return OVERLAP;
+    if (!ref_below(l->cos_angle, dot(out->n, out->turned), 1e-5, doubt)) return OVERLAP;
     out->b = dot(out->n, gap);
-    out->unlike = 1 - dot(out->n, turned);
     /* Huber: full weight up to the limit, then falling as 1 / |b| */
     out->w = fabs(out->b) <= huber ? confidence : confidence * huber / fabs(out->b);
     return PAIR;
 }
 
-static void add_pair(const pair *q, const kernel_pair_limits *l, double *sums, double *magnitudes) {
-    double p[3], row[6], size[6];
+static void row_of(const double p[3], const double n[3], double row[6]) {
+    row[0] = p[1] * n[2] - p[2] * n[1];
+    row[1] = p[2] * n[0] - p[0] * n[2];
+    row[2] = p[0] * n[1] - p[1] * n[0];
+    for (int i = 0; i < 3; i++) row[3 + i] = n[i];
+}
+
+static void add_pair(const pair *q, const kernel_pair_limits *l, bool across, double *sums,
+                     double *magnitudes) {
+    double p[3], row[6], scan[6], size[6];
     for (int i = 0; i < 3; i++) p[i] = q->p[i] - l->centre.s[i];
-    row[0] = p[1] * q->n[2] - p[2] * q->n[1];
-    row[1] = p[2] * q->n[0] - p[0] * q->n[2];
-    row[2] = p[0] * q->n[1] - p[1] * q->n[0];
+    row_of(p, q->n, row);
+    row_of(p, q->turned, scan);
     double reach = sqrt(dot(q->p, q->p)) + fabs(l->centre.s[0]) + fabs(l->centre.s[1]) + fabs(l->centre.s[2]);
     double gap = sqrt(dot(q->p, q->p)) + sqrt(dot(q->d, q->d)); /* the terms of b before they cancel */
     double w =
         q->w * (1 + (fabs(q->b) > l->huber ? gap / fabs(q->b) : 0)); /* beyond the limit b decides on w */
     for (int i = 0; i < 3; i++) {
-        row[3 + i] = q->n[i];
         size[i] = reach;
         size[3 + i] = 1;
     }
@@ -76,6 +82,9 @@ static void add_pair(const pair *q, const kernel_pair_limits *l, double *sums, d
         for (int j = i; j < 6; j++, k++) {
             sums[k] += q->w * row[i] * row[j];
             magnitudes[k] += w * size[i] * size[j];
+            if (!across) continue;
+            sums[SUMS_ACROSS + k] += 0.5 * q->w * (row[i] * scan[j] + row[j] * scan[i]);
+            magnitudes[SUMS_ACROSS + k] += w * size[i] * size[j];
         }
     for (int i = 0; i < 6; i++) {
         sums[21 + i] += q->w * row[i] * q->b;
@@ -92,8 +101,6 @@ static void add_pair(const pair *q, const kernel_pair_limits *l, double *sums, d
     sums[32] += q->w * dot(p, p);
     magnitudes[32] += w * reach * reach;
     sums[33] += 1;
-    sums[35] += q->w * q->unlike;
-    magnitudes[35] += 2 * w;
 }
 
 void ref_align_reduce(const float *depth, const float *normals, const kernel_camera *c, const float *model,
@@ -106,7 +113,8 @@ void ref_align_reduce(const float *depth, const float *normals, const kernel_cam
             pair q;
             bool unsure = false;
             met m = find_pair(depth, normals, c, model, mc, motion, limits, x, y, &q, &unsure);
-            if (m == PAIR) add_pair(&q, limits, sums + y * SUMS, magnitudes + y * SUMS);
+            if (m == PAIR)
+                add_pair(&q, limits, y % ACROSS_EVERY == 0, sums + y * SUMS, magnitudes + y * SUMS);
             if (m != NOTHING) sums[y * SUMS + 34] += 1;
             if (doubt) doubt[y * c->width + x] = unsure;
         }

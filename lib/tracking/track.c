@@ -6,6 +6,7 @@
 #include "base/covariance.h"
 #include "base/stamps.h"
 #include "tracking/relocalise.h"
+#include "tracking/seed.h"
 
 #define SEARCH_SIGMA_M 0.01 /* a seed with a smaller sigma needs no search: alignment reaches further */
 
@@ -21,6 +22,9 @@
 #define LASTING_S 0.1
 #define PAUSE_S 0.5            /* within which it is the same contradiction */
 #define CONTRADICTED_TRUST 0.1 /* of alignment's information: it used that surface, too */
+
+/* The last tracked frame isn't looked for further back: a bound on the samples to go over again. */
+#define SINCE_S 1.0
 
 /* more rounds from a proposed pose: where the weight of far pairs is small, alignment converges slowly */
 #define MAX_ROUNDS 4
@@ -99,6 +103,7 @@ static void align_scan(tracker *t, const pose *start, const align_prior *prior, 
     align_prior known = *prior;
     pose from = pose_between(&m->seen_from, start);
     known.mean = pose_between(&m->seen_from, &prior->mean);
+    known.since_s = seconds_between(t->tracked_ns, t->timestamp_ns);
     align(&t->aligner, t->device, t->maps, m->level, &from, &known, budget, icp);
     model_maps_used(m, icp->pairs, icp->condition);
     icp->motion = pose_multiply(&m->seen_from, &icp->motion);
@@ -111,6 +116,15 @@ static void align_scan(tracker *t, const pose *start, const align_prior *prior, 
 static bool stays(const pose *before, const pose *after) {
     pose way = pose_between(before, after);
     return pose_distance(&way) < STAYS_M && pose_angle(&way) < STAYS_RAD;
+}
+
+/* The surface in view was fused at the last tracked frame and before, with the error of its pose. What adds up beyond that,
+ * as along a bare wall, says nothing of how well the frame lies on that surface. */
+static fathom_verdict certainty_since(tracker *t, const attempt *a) {
+    static const double exact[36];
+    if (seconds_between(t->tracked_ns, t->timestamp_ns) > SINCE_S) return a->verdict;
+    const inertial_motion since = inertial_seed(t->inertial, exact, t->tracked_ns, t->timestamp_ns);
+    return judge_certainty_since(t->config, since.covariance, &a->icp);
 }
 
 void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool seeded, attempt *a) {
@@ -134,6 +148,7 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
     }
     double began = now_ms();
     judge(c, &t->view, t->device, t->maps, t->raycaster, start, prior, t->valid, a);
+    if (a->verdict == FATHOM_VERDICT_UNCERTAIN) a->verdict = certainty_since(t, a);
     t->cost.ms_raycast += now_ms() - began;
 }
 
@@ -199,6 +214,7 @@ static bool rests(const tracker *t) {
 bool track(tracker *t, const fathom_depth_frame *scan, const align_prior *seed, attempt *icp) {
     memset(icp, 0, sizeof *icp);
     t->cost = (tracking_cost){0};
+    t->timestamp_ns = scan->timestamp_ns;
     t->valid = valid_part(t->maps, scan);
     if (rests(t)) {
         leave(t, &seed->mean, icp);
@@ -219,7 +235,8 @@ void track_settle(tracker *t, fathom_state state, fathom_verdict verdict) {
     t->missed = state == FATHOM_LOST && worth_another_try(verdict) ? t->missed + 1 : 0;
 }
 
-void track_keep(tracker *t, const pose *at) {
+void track_keep(tracker *t, const pose *at, int64_t timestamp_ns) {
+    t->tracked_ns = timestamp_ns;
     if (t->config->against == FATHOM_AGAINST_PREVIOUS)
         model_maps_take_frame(&t->models, t->device, t->maps, at);
 }

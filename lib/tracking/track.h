@@ -22,12 +22,14 @@ typedef struct {
     aligner aligner;
     model_maps models;
     model_view view;
+    int64_t tracked_ns; /* of the last tracked frame */
     bool strayed;   /* the last frame wasn't tracked */
     /* when the surface began to contradict poses that inertia confirms, and when it did last; INT64_MIN: never */
     int64_t contradicted_ns, contradiction_ns;
     int missed;     /* consecutive lost frames for which every attempt failed */
     unsigned drawn; /* hypotheses of relocalisation so far */
     /* of the current frame */
+    int64_t timestamp_ns;
     double valid; /* the fraction of valid depth */
     tracking_cost cost;
 } tracker;
@@ -47,7 +49,7 @@ void track_attempt(tracker *t, const pose *start, const align_prior *prior, bool
 /* Takes the frame's outcome, which decides how thoroughly the next one is searched for. */
 void track_settle(tracker *t, fathom_state state, fathom_verdict verdict);
 
-/* Takes an accepted pose: with FATHOM_AGAINST_PREVIOUS the next frame is aligned with this one. */
-void track_keep(tracker *t, const pose *at);
+/* Takes a frame's accepted pose: with FATHOM_AGAINST_PREVIOUS the next frame is aligned with this one. */
+void track_keep(tracker *t, const pose *at, int64_t timestamp_ns);
 
 #endif

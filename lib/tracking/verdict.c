@@ -56,6 +56,14 @@ fathom_verdict judge_certainty(const fathom_config *c, const double covariance[3
     return FATHOM_VERDICT_TRACKING;
 }
 
+fathom_verdict judge_certainty_since(const fathom_config *c, const double motion[36], const alignment *icp) {
+    double information[36], covariance[36];
+    if (!covariance_invert(motion, information)) return FATHOM_VERDICT_UNCERTAIN;
+    for (int i = 0; i < 36; i++) information[i] += icp->information[i];
+    if (!covariance_invert(information, covariance)) return FATHOM_VERDICT_UNCERTAIN;
+    return judge_certainty(c, covariance);
+}
+
 void measure_innovation(const fathom_config *c, const align_prior *prior, attempt *a) {
     double twist[6], gate[36];
     pose correction = pose_between(&prior->mean, &a->icp.motion);

@@ -36,6 +36,9 @@ fathom_verdict judge_view(const fathom_config *config, const comparison *k);
 /* Certainty of the found pose: its covariance, inertia included. */
 fathom_verdict judge_certainty(const fathom_config *config, const double covariance[36]);
 
+/* The same relative to an earlier pose whose surface is in view. motion: covariance of the motion since, by inertia. */
+fathom_verdict judge_certainty_since(const fathom_config *config, const double motion[36], const alignment *icp);
+
 /* Innovation: the distance of the result from the prior's mean. Floors are added to the prior's covariance, which may
  * be smaller than the true errors. */
 void measure_innovation(const fathom_config *config, const align_prior *prior, attempt *a);

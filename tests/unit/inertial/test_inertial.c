@@ -321,6 +321,31 @@ static void without_an_imu_velocity_and_turn_are_kept(void **state) {
     assert_int_equal(inertial_estimate(&n, ns(1), ns(1.3), &m), FATHOM_ERROR_NO_DATA);
 }
 
+/* Poses along a steady way, or of a hand that jerks by so much from frame to frame. */
+static inertial_motion after_poses(double jerk_rad, double jerk_m) {
+    inertial_motion m;
+    config.imu = false;
+    begin();
+    for (int i = 0; i <= 40; i++) {
+        const double side = i % 4 < 2 ? 1 : -1;
+        const double twist[6] = {0, side * jerk_rad, 0, side * jerk_m, 0, 0.01 * i};
+        const pose p = pose_exp(twist);
+        inertial_correct(&n, &p, NULL, NULL, true, ns(i / 30.0));
+    }
+    assert_int_equal(inertial_estimate(&n, ns(40 / 30.0), ns(41 / 30.0), &m), FATHOM_OK);
+    return m;
+}
+
+/* Constant velocity foretells a hand that jerks badly, and says so. */
+static void without_an_imu_an_unsteady_hand_is_foretold_with_less_trust(void **state) {
+    (void)state;
+    const inertial_motion steady = after_poses(0, 0), turning = after_poses(0.04, 0), moving = after_poses(0, 0.04);
+    assert_true(sigma(&steady, 1) < 0.02 && sigma(&steady, 3) < 0.02);
+    assert_true(sigma(&turning, 1) > 0.04 && sigma(&turning, 1) < 0.2);
+    assert_true(sigma(&moving, 3) > 0.03 && sigma(&moving, 3) < 0.2);
+    assert_true(sigma(&moving, 1) < 1.05 * sigma(&steady, 1)); /* the rotation was foretold well */
+}
+
 /* The accelerometer lies, but it isn't asked; the gyroscope turns, and the velocity is kept. */
 static void without_translation_the_accelerometer_does_not_count(void **state) {
     (void)state;
@@ -713,6 +738,7 @@ int main(void) {
         cmocka_unit_test_setup(mounting_turns_the_rate, setup),
         cmocka_unit_test_setup(clock_offset_is_added_to_stamps, setup),
         cmocka_unit_test_setup(without_an_imu_velocity_and_turn_are_kept, setup),
+        cmocka_unit_test_setup(without_an_imu_an_unsteady_hand_is_foretold_with_less_trust, setup),
         cmocka_unit_test_setup(without_translation_the_accelerometer_does_not_count, setup),
         cmocka_unit_test_setup(absurd_stamps_stay_finite, setup),
         cmocka_unit_test_setup(a_still_start_finds_the_bias, setup),

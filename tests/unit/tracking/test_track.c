@@ -82,8 +82,8 @@ static pose truth_of(const synthetic_frame *frame) {
     return p;
 }
 
-/* Seven decimetres and 25 degrees off, where only the search finds the way back. */
-static const double far_off[6] = {0.2, -0.35, 0.2, 0.5, -0.3, 0.35};
+/* Eight decimetres and 33 degrees off, where only the search finds the way back. */
+static const double far_off[6] = {0.25, -0.45, 0.25, 0.6, -0.35, 0.4};
 
 static void what_the_search_finds_is_held_against_the_seed(void **state) {
     (void)state;
@@ -165,6 +165,30 @@ static void what_a_wall_leaves_free_is_held_by_the_prior_and_not_by_the_start(vo
         if (fabs(off[i] - want) >= tolerance) print_message("%d: %.4f, not %.4f\n", i, off[i], want);
         assert_true(fabs(off[i] - want) < tolerance);
     }
+    synthetic_stop(&s);
+}
+
+/* Three sigmas off the prior: the few iterations of a seeded frame don't suffice, and go on while they move the pose. */
+static void iterations_go_on_until_the_pose_has_settled(void **state) {
+    (void)state;
+    fathom_config c = without_imu();
+    const int two[FATHOM_LEVELS] = {0, 0, 2};
+    memcpy(c.max_seeded_iterations, two, sizeof two);
+    scan_desk(&c);
+    const double off[6] = {0, 0, 0.05, 0.02, 0.02, 0}, near[6] = {0, 0, 0.001, 0, 0, 0};
+    const pose truth = truth_of(&desk[KNOWN - 1]);
+    attempt far_start, near_start;
+    align_prior seed = prior_of(&truth, off, 0.015, 0.01);
+    track_attempt(&f->tracker, &seed.mean, &seed, true, &far_start);
+    const int many = f->tracker.cost.iterations;
+    const pose left = pose_between(&truth, &far_start.icp.motion);
+    if (pose_distance(&left) > 0.003 || pose_angle(&left) > 0.003)
+        print_message("%g m, %g rad after %d\n", pose_distance(&left), pose_angle(&left), many);
+    assert_true(many > 2 && many <= 8);
+    assert_true(pose_distance(&left) < 0.003 && pose_angle(&left) < 0.003);
+    seed = prior_of(&truth, near, 0.015, 0.01);
+    track_attempt(&f->tracker, &seed.mean, &seed, true, &near_start);
+    assert_true(f->tracker.cost.iterations - many <= 2);
     synthetic_stop(&s);
 }
 
@@ -429,6 +453,7 @@ int main(void) {
         cmocka_unit_test(what_the_search_finds_beyond_the_seeds_sigmas_is_rejected),
         cmocka_unit_test(what_the_last_velocity_finds_is_held_against_where_it_led),
         cmocka_unit_test(what_a_wall_leaves_free_is_held_by_the_prior_and_not_by_the_start),
+        cmocka_unit_test(iterations_go_on_until_the_pose_has_settled),
         cmocka_unit_test(a_failed_attempt_costs_too),
         cmocka_unit_test(maps_serve_again_until_the_camera_has_moved_or_turned),
         cmocka_unit_test(a_reset_forgets_the_maps_of_the_old_world),

@@ -114,6 +114,27 @@ static void each_sigma_of_the_pose_alone_makes_it_uncertain(void **state) {
     }
 }
 
+/* What inertia knows of the motion since, and what the pairs know, add up. */
+static void each_sigma_of_the_motion_since_an_earlier_pose_counts(void **state) {
+    (void)state;
+    for (int i = 0; i < 6; i++) {
+        alignment a = good();
+        double since[36] = {0};
+        const double most = i < 3 ? (double)config.max_sigma_rad : (double)config.max_sigma_m;
+        for (int k = 0; k < 6; k++) since[7 * k] = k == i ? 0.99 * most * most : 100;
+        for (int k = 0; k < 6; k++) a.information[7 * k] = k == i ? 0 : 1e6;
+        assert_int_equal(judge_certainty_since(&config, since, &a), FATHOM_VERDICT_TRACKING);
+        since[7 * i] = 1.03 * most * most;
+        assert_int_equal(judge_certainty_since(&config, since, &a), FATHOM_VERDICT_UNCERTAIN);
+        a.information[7 * i] = 0.1 / (most * most); /* the pairs know the rest */
+        assert_int_equal(judge_certainty_since(&config, since, &a), FATHOM_VERDICT_TRACKING);
+        a.information[i < 3 ? 35 : 0] = 0; /* another direction isn't known */
+        assert_int_equal(judge_certainty_since(&config, since, &a), FATHOM_VERDICT_UNCERTAIN);
+        since[7 * i] = 0; /* nothing is known */
+        assert_int_equal(judge_certainty_since(&config, since, &a), FATHOM_VERDICT_UNCERTAIN);
+    }
+}
+
 /* A seed that claims to be exact, and a result as far off as the floors: a sigma in each direction. */
 static void the_innovation_has_floors(void **state) {
     (void)state;
@@ -267,6 +288,7 @@ int main(void) {
         cmocka_unit_test(an_innovation_beyond_its_sigmas_is_rejected),
         cmocka_unit_test(a_view_that_disagrees_or_is_seen_through_contradicts),
         cmocka_unit_test(each_sigma_of_the_pose_alone_makes_it_uncertain),
+        cmocka_unit_test(each_sigma_of_the_motion_since_an_earlier_pose_counts),
         cmocka_unit_test(the_innovation_has_floors),
         cmocka_unit_test(the_innovation_is_measured_from_the_priors_mean_in_its_axes),
         cmocka_unit_test(evident_needs_a_good_seed_many_pairs_and_nearness),
