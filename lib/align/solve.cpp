@@ -6,7 +6,7 @@
 /* Scan and map share a part of their normals' noise, since the map was made of scans and a sensor's flicker lasts: this part
  * of the sum of w (1 - cosine), along each direction, and how long it takes to fall to a third. */
 #define SHARED_NOISE 0.15
-#define FLICKER_S 1.0
+#define FLICKER_S 0.3
 
 /* A direction of less reliability shows nothing of the error that pixels share. */
 #define LEAST_RELIABLE 0.1
